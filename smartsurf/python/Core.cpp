@@ -705,6 +705,7 @@ PYBIND11_MODULE(_core, m) {
       .def("reset", &Batch::reset)
       .def("save", &Batch::save)
       .def("restore", &Batch::restore)
+      .def("started_seed", [](const Batch& b, int index) { return b.batch().started_seed(index); })
       .def("error", [](const Batch& b, int index) { return b.batch().error(index); })
       .def("final_metrics", &Batch::final_metrics)
       .def("metrics", [](const Batch& b, int index) { return to_dict(b.world(index).metrics()); })

@@ -45,7 +45,8 @@ void apply(const std::vector<std::pair<std::string, std::vector<double>>>& value
 }  // namespace
 
 Environment::Environment(EnvironmentOptions options, Start start)
-    : options_(std::move(options)), solids_(std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder())) {
+    : options_(std::move(options)),
+      solids_(std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder())) {
   load(options_.seed);
   Nuisances::check(scene(), experiment_->variations());
   if (start == Start::kNow) start_simulation();
@@ -134,13 +135,22 @@ SceneParameter Environment::find_parameter(std::string_view name) const {
 }
 
 std::vector<double> Environment::parameter(const SceneParameter& parameter) const {
+  const auto is_drawn = [&](const auto& value) {
+    return std::ranges::any_of(ranges_, [&](const Range& r) { return r.parameter.name() == value.first; });
+  };
+  // What the next episode has besides this one's values. Those that are drawn apply after those that are set.
+  Values changes;
+  std::ranges::copy_if(set_values_, std::back_inserter(changes), [&](const auto& value) {
+    return std::ranges::find(applied_values_, value) == applied_values_.end();
+  });
   std::vector<double> numbers(parameter.size());
-  if (set_values_ == applied_values_) {
+  if (changes.empty()) {
     parameter.get(scene(), numbers);
     return numbers;
   }
-  scene::SceneSpec next = declared();
-  apply(set_values_, next);
+  std::ranges::copy_if(applied_values_, std::back_inserter(changes), is_drawn);
+  scene::SceneSpec next = scene();
+  simulation::apply(changes, next);
   parameter.get(next, numbers);
   return numbers;
 }

@@ -49,7 +49,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
     if (!overrides.empty())
       own.overrides.insert(own.overrides.end(), overrides[i].begin(), overrides[i].end());
     worlds_[i].environment = std::make_unique<Environment>(std::move(own), Environment::Start::kLater);
-    worlds_[i].seed = worlds_[i].environment->seed();
+    worlds_[i].seed = worlds_[i].started_seed = worlds_[i].environment->seed();
   });
   // All that their steps touch comes to lie together, apart from scripts and scenes.
   for_each_world([&](std::size_t i) {
@@ -263,14 +263,14 @@ void EnvironmentBatch::step(const BatchArrays& a) {
 void EnvironmentBatch::start_episode(std::size_t i, std::uint64_t seed, const BatchArrays& a) {
   World& world = worlds_[i];
   end_observed(i);
-  world.environment->reset(world.seed = seed);
+  world.environment->reset(world.seed = world.started_seed = seed);
   world.episode_over = false;
   write_state(i, {}, a.state);
   if (observer_ != nullptr) observer_->on_start(static_cast<int>(i), *world.environment);
 }
 
 void EnvironmentBatch::start_next_episode(std::size_t i, const BatchArrays& a) {
-  start_episode(i, next_seed(worlds_[i].seed), a);
+  start_episode(i, next_seed(worlds_[i].started_seed), a);
 }
 
 void EnvironmentBatch::end_observed(std::size_t i) {

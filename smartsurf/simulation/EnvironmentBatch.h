@@ -93,6 +93,10 @@ class EnvironmentBatch {
   // Why the world failed in the latest step(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
 
+  // That of the latest episode that the world has started itself, from which the next one's follows: worlds
+  // that one state was restored to go on with different ones.
+  std::uint64_t started_seed(int index) const { return worlds_[index].started_seed; }
+
   // Call those of the world's Environment. restore() also writes the world's state.
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
@@ -113,7 +117,8 @@ class EnvironmentBatch {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
     const void* simulation = nullptr;  // where the first one lay, and as a rule the later ones lie
-    std::uint64_t seed = 0;  // of the episode, also of one that could not start
+    std::uint64_t seed = 0;            // of the episode, also of one that could not start
+    std::uint64_t started_seed = 0;    // of the latest one that was not restored
     bool episode_over = false;
     std::string error;
   };

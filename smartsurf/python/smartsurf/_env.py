@@ -104,7 +104,7 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
         action = real_array("the action", action)
         if action.shape != s._targets.shape:
             raise ValueError(f"the action has shape {action.shape}: must be {s._targets.shape}")
-        nonfinite = finite("the action", action, self._strict)
+        nonfinite = finite("the action", np.asarray(action, np.float32), self._strict)
         s._targets[...] = action
         reward, terminated, truncated = s.step()
         observation = self._observation()

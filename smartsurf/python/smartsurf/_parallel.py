@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import gymnasium
 import numpy as np
@@ -15,6 +15,21 @@ from ._env import box
 from ._simulation import Options, PathName, Simulation
 from ._surface import Closed, FloatArray, draw_seed, finite, real_array, whole
 from ._task import Task, TaskEnv, TaskVectorEnv
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class Arguments(TypedDict, total=False):
+    """Those of ParallelEnv besides the experiment."""
+    block: int
+    radius: int
+    set: Options | None
+    threads: int
+    engine: str | None
+    render_mode: str | None
+    extensions: Sequence[PathName]
+    strict: bool
 
 
 class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
@@ -149,6 +164,6 @@ def _unpickled(block: int, radius: int, render_mode: str | None, strict: bool, s
     return env
 
 
-def parallel_env(experiment: PathName | Task, **arguments: Any) -> ParallelEnv:
+def parallel_env(experiment: PathName | Simulation | Task, **arguments: Unpack[Arguments]) -> ParallelEnv:
     """A ParallelEnv; the arguments are its."""
     return ParallelEnv(experiment, **arguments)

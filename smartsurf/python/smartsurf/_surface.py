@@ -140,5 +140,5 @@ def checked_seed(seed: Any) -> int:
 
 
 def draw_seed(random: np.random.Generator | None = None) -> int:
-    """A new seed, of 31 bits, from a NumPy generator or the operating system."""
-    return int(random.integers(2**31)) if random is not None else int.from_bytes(os.urandom(4), "little") >> 1
+    """A new seed, of 53 bits, from a NumPy generator or the operating system."""
+    return int(random.integers(2**53)) if random is not None else int.from_bytes(os.urandom(8), "little") >> 11

@@ -2,10 +2,11 @@
 from __future__ import annotations
 
 import copy
+import difflib
 import importlib
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Union
+from typing import TYPE_CHECKING, Any, ClassVar, Union
 
 import gymnasium
 import numpy as np
@@ -16,8 +17,21 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core, _parameters
 from ._env import box
 from ._parameters import Numbers, Range
-from ._surface import Channel, Closed, FloatArray, checked_options, real_array, views
+from ._surface import Channel, Closed, FloatArray, checked_options, draw_seed, real_array, views
 from ._vector import Flags, Info, VectorEnv, _of_worlds
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._simulation import Options
+    from ._vector import MostArguments, WorldArguments
+
+    class OneWorld(MostArguments, total=False):
+        """What Task.make() takes."""
+        set: Options | None
+        render_mode: str | None
+        shm: str | None
+        timeout: float
 
 Array = Any  # NDArray, or the counterpart of Task.arrays
 Observation = Union[Array, dict[str, Array]]
@@ -91,6 +105,13 @@ class Task:
     episode_seconds: ClassVar[float | None] = None
     arrays: ClassVar[str] = "numpy"
 
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        super().__init_subclass__(**arguments)
+        for name, value in vars(cls).items():
+            for meant in difflib.get_close_matches(name, _ATTRIBUTES, 1, 0.8):
+                if name != meant and isinstance(value, _ATTRIBUTES[meant]):
+                    raise TypeError(f"{cls.__name__}.{name}: a Task has no such attribute (did you mean '{meant}'?)")
+
     def reward(self, state: State) -> Array:
         """The reward of a step, (worlds,)."""
         return 0.0
@@ -114,11 +135,11 @@ class Task:
 
     # ---- environments
 
-    def make_vec(self, num_envs: int = 1, **arguments: Any) -> TaskVectorEnv:
+    def make_vec(self, num_envs: int = 1, **arguments: Unpack[WorldArguments]) -> TaskVectorEnv:
         """Many worlds; arguments as those of VectorEnv."""
         return TaskVectorEnv(self, num_envs, **arguments)
 
-    def make(self, **arguments: Any) -> TaskEnv:
+    def make(self, **arguments: Unpack[OneWorld]) -> TaskEnv:
         """One world, or with shm=NAME a live surface."""
         return TaskEnv(self, **arguments)
 
@@ -127,6 +148,11 @@ class Task:
         """Makes gymnasium.make(id) and gymnasium.make_vec(id) work in this process."""
         gymnasium.register(id, entry_point=lambda **a: cls().make(**a),
                            vector_entry_point=lambda num_envs=1, **a: cls().make_vec(num_envs, **a))
+
+
+# What a Task declares besides functions, and the types by which a misspelt name is told from a constant of the user's.
+_ATTRIBUTES: Mapping[str, Any] = {"script": (str, os.PathLike), "scene": str, "set": Mapping, "parameters": Mapping,
+                                  "randomise": Mapping, "goals": Mapping, "episode_seconds": (int, float), "arrays": str}
 
 
 def planes(state: State) -> Array:
@@ -157,13 +183,17 @@ class _Judge:
 
     def __init__(self, task: Task, worlds: int):
         self.task, self.worlds, self._to = task, worlds, _to(task.arrays)
-        self.scene = dict(experiment=task.script, source=None)
+        self.scene: dict[str, Any] = dict(experiment=task.script, source=None)
         if (task.script is None) == (task.scene is None):
             raise ValueError(f"{type(task).__name__}: give either script, a path, or scene, the text of a script")
         if task.scene is not None:
             self.scene = dict(experiment=f"{type(task).__name__}.lua", source=task.scene)
+        if task.episode_seconds is not None and not (isinstance(task.episode_seconds, (int, float))
+                                                     and 0 < task.episode_seconds < np.inf):
+            raise ValueError(f"episode_seconds = {task.episode_seconds!r}: must be a number above 0, or None")
         self.ranges = {name: _goal_range(name, given) for name, given in task.goals.items()}
         self.goals = {name: np.zeros((worlds, *low.shape)) for name, (low, _) in self.ranges.items()}
+        self.shapes: dict[str, tuple[int, ...]] | None = None  # of the parts of an observation
 
     def draw_goals(self, seeds: NDArray[Any], mask: Flags) -> None:
         """New goals for the worlds of the mask, from the seeds of their episodes."""
@@ -181,7 +211,8 @@ class _Judge:
                 out[name] = array.view()
                 out[name].flags.writeable = self.task.arrays == "torch"  # which has no arrays that are read-only
             return {name: self._to(array) for name, array in out.items()}
-        return State(readable(sensors), readable(actions), readable(self.goals), self._to(time), self._to(ticks), period,
+        clock = readable({"time": time, "ticks": ticks})
+        return State(readable(sensors), readable(actions), readable(self.goals), clock["time"], clock["ticks"], period,
                      None if objects is None else readable(objects), labels, readable(info), self._to)
 
     def flags(self, name: str, values: Array) -> Flags:
@@ -205,8 +236,16 @@ class _Judge:
             return array
         given = self.task.observation(state)
         if isinstance(given, Mapping):
-            return {str(name): checked(f"observation['{name}']", values) for name, values in given.items()}
-        return checked("observation", given)
+            parts = {str(name): checked(f"observation['{name}']", values) for name, values in given.items()}
+        else:
+            parts = {"": checked("observation", given)}
+        shapes = {name: values.shape for name, values in parts.items()}
+        if self.shapes is None:
+            self.shapes = shapes
+        elif shapes != self.shapes:
+            raise ValueError(f"{type(self.task).__name__}.observation has the shapes {list(shapes.items())}: must have those of "
+                             f"the first observation, {list(self.shapes.items())}")
+        return parts if isinstance(given, Mapping) else parts[""]
 
     def space(self, observation: Any, of_planes: gymnasium.Space[Any]) -> gymnasium.Space[Any]:
         """Of one world. The planes have the limits of their channels."""
@@ -225,20 +264,19 @@ def _goal_range(name: str, given: Any) -> tuple[Numbers, Numbers]:
 class TaskVectorEnv(VectorEnv):
     """A task in many worlds; made by Task.make_vec(). Arguments as those of VectorEnv, of which `set` adds to the task's.
 
-    Rewards are the task's plus those of the script; episodes end when either says so. A world that fails is ended as
-    VectorEnv does it. `infos` has the goals besides the values of info{}.
+    Rewards are the task's plus those of the script; episodes end when either says so. A world that fails, also by a reward of
+    the task that is not finite, is ended as VectorEnv does it. `infos` has the goals besides the values of info{}.
     """
 
-    def __init__(self, task: Task, num_envs: int = 1, *, set: Any = None,
-                 autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Any):
+    def __init__(self, task: Task, num_envs: int = 1, *, set: Any = None, render_mode: str | None = None,
+                 autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Unpack[MostArguments]):
         self.task = task
         self._judge = _Judge(task, num_envs)
-        arguments = {**self._judge.scene, **{k: v for k, v in arguments.items() if k not in self._judge.scene}}
         options = set if isinstance(set, Sequence) else {**task.set, **(set or {})}
         self._resets_itself = AutoresetMode(autoreset_mode) == AutoresetMode.SAME_STEP
         # The batch itself resets with NEXT_STEP only: a task's end of an episode follows its step.
         super().__init__(num_envs=num_envs, set=options, autoreset_mode=AutoresetMode.DISABLED if self._resets_itself
-                         else autoreset_mode, **arguments)
+                         else autoreset_mode, render_mode=render_mode, **self._judge.scene, **arguments)
         self.metadata["autoreset_mode"] = AutoresetMode(autoreset_mode)
         self._arguments = {**self._arguments, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self._arguments["task"] = task
@@ -246,6 +284,8 @@ class TaskVectorEnv(VectorEnv):
         self._over = np.zeros(num_envs, np.bool_)
         self._object_states = np.zeros((num_envs, self._batch.object_count, 13), np.float32)
         self._bind(self._object_states, self._time)
+        for name in self._fields.keys() & task.goals.keys():
+            raise ValueError(f"goals: {name}: infos have another value of this name")
         self._limit = (None if task.episode_seconds is None
                        else int(np.ceil(task.episode_seconds / self.period - 1e-9)))
         for name, values in task.parameters.items():
@@ -253,7 +293,7 @@ class TaskVectorEnv(VectorEnv):
         VectorEnv.randomise(self, task.randomise)
         self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
         self._safe = np.array([channel.safe for channel in self.actuator_channels], np.float32)[:, None, None]
-        self._restart(self._seeds(arguments.get("seed")), np.ones(num_envs, np.bool_))
+        self._restart(self._seeds(arguments.get("seed"), self._batch.started_seed), np.ones(num_envs, np.bool_))
         observation = self._judge.observation(self.state())
         self.single_observation_space = self._judge.space(observation, self.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -296,7 +336,7 @@ class TaskVectorEnv(VectorEnv):
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._start_recording()
-        self._restart(self._seeds(seed), mask)
+        self._restart(self._seeds(seed, self._next_seed), mask)
         return self._judge.observation(self.state()), _of_worlds(self._task_infos(), mask)
 
     def step(self, actions: ArrayLike | None = None) -> Any:
@@ -310,10 +350,15 @@ class TaskVectorEnv(VectorEnv):
         failed = np.isnan(self._rewards)
         runs = ~fresh & ~failed
         state = self.state()
+        own = self._judge.numbers("reward", self.task.reward(state))
+        unjudged = runs & ~np.isfinite(own)
+        if (unjudged | failed).all() and unjudged.any():
+            raise _core.Error(self._reward_error(own, int(np.flatnonzero(unjudged)[0])))
+        runs &= ~unjudged
+        rewards = np.where(runs, self._rewards + own, np.where(unjudged, np.nan, self._rewards))
         success = self._judge.flags("success", self.task.success(state)) & runs
-        rewards = np.where(runs, self._rewards + self._judge.numbers("reward", self.task.reward(state)), self._rewards)
         terminated = self._terminated | success | (self._judge.flags("failure", self.task.failure(state)) & runs)
-        truncated = self._truncated.copy()
+        truncated = self._truncated | unjudged
         if self._limit is not None:
             truncated |= runs & (np.rint(self._time / self.period) >= self._limit)
         self._fields["success"][...] |= success
@@ -326,12 +371,11 @@ class TaskVectorEnv(VectorEnv):
         final: Info = {}
         if over.any():
             final = _of_worlds(self._task_infos(), over) if self._resets_itself else infos
-            self._add_metrics(final, state, over)
+            self._add_metrics(final, state, over, {int(i): self._reward_error(own, int(i)) for i in np.flatnonzero(unjudged)})
         self._over = over.copy()
         if self._resets_itself and over.any():
             last = observation
-            seeds = [_core.next_seed(int(s)) for s in self._fields["seed"]]
-            self._restart(seeds, over)
+            self._restart(self._seeds(None, self._next_seed), over)
             observation, infos = self._judge.observation(self.state()), self._task_infos()
             infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
             final_obs = np.full(self.num_envs, None, object)
@@ -340,11 +384,14 @@ class TaskVectorEnv(VectorEnv):
             infos.update(final_obs=final_obs, _final_obs=over.copy(), final_info=final, _final_info=over.copy())
         return observation, rewards, terminated, truncated, infos
 
-    def _add_metrics(self, infos: Info, state: State, over: Flags) -> None:
+    def _reward_error(self, rewards: Numbers, world: int) -> str:
+        return f"{type(self.task).__name__}.reward is {rewards[world]} in world {world}: must be finite"
+
+    def _add_metrics(self, infos: Info, state: State, over: Flags, errors: Mapping[int, str]) -> None:
         own = {name: self._judge.numbers(f"metrics['{name}']", values)
                for name, values in self.task.metrics(state).items()}
         for i in np.flatnonzero(over):
-            error = self._batch.error(int(i))
+            error = self._batch.error(int(i)) or errors.get(int(i))
             if error and self._strict:
                 raise _core.Error(f"world {i}: {error}")
             metrics = {**self._batch.final_metrics(int(i)), **{name: float(values[i]) for name, values in own.items()}}
@@ -386,18 +433,20 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
 
     def __init__(self, task: Task, *, shm: str | None = None, timeout: float = 30.0, render_mode: str | None = None,
-                 **arguments: Any):
+                 set: Options | None = None, **arguments: Unpack[MostArguments]):
         self.task, self.render_mode = task, render_mode
         self._live: Any = None
         if shm is None:
-            self._envs = TaskVectorEnv(task, 1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode, **arguments)
+            self._envs = TaskVectorEnv(task, 1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode,
+                                       set=set, **arguments)
             self.observation_space = self._envs.single_observation_space
             self.action_space = self._envs.single_action_space
             self.metadata = {**self.metadata, "render_fps": round(1 / self._envs.period)}
             return
         from ._live import LiveSurface
-        if arguments or render_mode is not None:
-            raise ValueError(f"{', '.join(arguments) or 'render_mode'}: a live surface has no such argument")
+        given = [*arguments, *(name for name, value in (("set", set), ("render_mode", render_mode)) if value is not None)]
+        if given:
+            raise ValueError(f"{', '.join(given)}: a live surface has no such argument")
         self._live, self._judge = LiveSurface(shm, timeout), _Judge(task, 1)
         self._limit = None if task.episode_seconds is None else int(np.ceil(task.episode_seconds / self._live.period - 1e-9))
         self._start = self._live.tick
@@ -417,7 +466,7 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
         super().reset(seed=seed)
         checked_options(options)
         if self._live is None:
-            drawn = int(self.np_random.integers(2**31)) if seed is None else seed
+            drawn = draw_seed(self.np_random) if seed is None else seed
             observation, infos = self._envs.reset(seed=[drawn])
             return _first(observation), _first_infos(infos)
         self._live.reset(seed)

@@ -4,8 +4,8 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
-from typing import Any, Union
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypedDict, Union
 
 import gymnasium
 import numpy as np
@@ -29,13 +29,37 @@ Stepped = tuple[FloatArray, Numbers, Flags, Flags, Info]
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
 
 
+class MostArguments(TypedDict, total=False):
+    """Those of VectorEnv that a Task's environments pass on."""
+    threads: int | None
+    engine: str | None
+    seed: int | Sequence[int] | None
+    copy: bool
+    render_size: tuple[int, int]
+    camera: CameraLike
+    extensions: Sequence[PathName]
+    max_episode_steps: int | None
+    strict: bool
+    controller: PathName | None
+    controller_set: Mapping[str, float] | None
+    record: PathName | None
+    record_worlds: Worlds
+    record_every: int
+
+
+class WorldArguments(MostArguments, total=False):
+    set: Options | Sequence[Options] | None
+    render_mode: str | None
+    autoreset_mode: AutoresetMode | str
+
+
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """`num_envs` worlds of one experiment in this process, computed by `threads` threads.
 
     Observations have shape (num_envs, planes, rows, columns), actions (num_envs, channels, rows, columns), both
     float32, in the channels' units; row 0 is north, column 0 west. World i computes the same as an `Env` with its
-    seeds. reset(seed=s) gives the worlds the seeds s, s + 1, …; later episodes have seeds derived from these, so that
-    a seed determines all that follows.
+    seeds. reset(seed=s) gives the worlds the seeds s, s + 1, …; the seed of a later episode follows from that of the
+    world's previous one, also where reset() starts it, so that a seed determines all that follows.
 
     set: options of the script, a dict, or one for each world; a value (low, high) stands for one number of that range for
     each world, uniformly drawn by the option's name and the world's number. threads: default: one per core; never more than
@@ -83,7 +107,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             autoreset_mode=autoreset_mode, render_mode=render_mode, render_size=render_size, camera=camera,
             extensions=[os.fspath(path) for path in extensions], max_episode_steps=max_episode_steps, strict=strict,
             source=source, controller=controller, controller_set=controller_set)
-        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), [], self._seeds(seed), threads,
+        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), [],
+                                  self._seeds(seed, lambda world: draw_seed(self.np_random)), threads,
                                   _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
         self._recording: tuple[Any, ...] | None = None  # what the first reset() starts
@@ -142,16 +167,21 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                          (*self._final_arrays, no_objects, no_time),
                          self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
 
-    def _seeds(self, seed: Any) -> list[int]:
+    def _seeds(self, seed: Any, other: Callable[[int], int]) -> list[int]:
+        """The seed of each world; `other` gives those that are None."""
         if seed is None:
-            return [draw_seed(self.np_random) for _ in range(self.num_envs)]
+            seed = [None] * self.num_envs
         if isinstance(seed, (int, np.integer)):
-            return [checked_seed(seed) + i for i in range(self.num_envs)]
+            return [checked_seed(checked_seed(seed) + i) for i in range(self.num_envs)]
         if not isinstance(seed, (list, tuple, np.ndarray)):
             raise ValueError(f"seed = {seed!r}: must be a whole number from 0, or one per world")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
-        return [draw_seed(self.np_random) if s is None else checked_seed(s) for s in seed]
+        return [other(i) if s is None else checked_seed(s) for i, s in enumerate(seed)]
+
+    def _next_seed(self, world: int) -> int:
+        """Follows from the seed of the episode that the world has started last."""
+        return _core.next_seed(self._batch.started_seed(world))
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[FloatArray, Info]:
@@ -164,7 +194,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._start_recording()
-        self._batch.reset(self._seeds(seed), mask.astype(np.uint8).tolist())
+        self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
         return self._observed(), self._infos() if mask.all() else _of_worlds(self._fields, mask)
 
     def _start_recording(self) -> None:
@@ -189,7 +219,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             if given is not None:
                 raise ValueError("the controller commands the actuators: step() takes no actions")
         elif self._strict:
-            finite("the array of actions", real_array("the array of actions", given), True)
+            finite("the array of actions", np.asarray(real_array("the array of actions", given), np.float32), True)
         ended = self._batch.step(given)
         if ended is None:  # not an array of the right type and shape
             array = real_array("the array of actions", given)
@@ -344,15 +374,16 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         failed = [bool(self._batch.error(i)) for i in range(self.num_envs)]
         states = [b"" if failed[i] else self._batch.save(i) for i in range(self.num_envs)]
         arrays = [array.copy() for array in (*self._state_arrays, self._rewards, self._terminated, self._truncated)]
-        return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, states, arrays,
+        started = [self._batch.started_seed(i) for i in range(self.num_envs)]
+        return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, started, states, arrays,
                             getattr(self, "_np_random", None), self._object_states is not None)
 
 
 def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], values: dict[str, tuple[Numbers, Flags]],
-               ranges: dict[str, tuple[Numbers, Numbers, Flags]], states: list[bytes], arrays: list[Any], random: Any,
-               has_objects: bool) -> VectorEnv:
+               ranges: dict[str, tuple[Numbers, Numbers, Flags]], started: list[int], states: list[bytes], arrays: list[Any],
+               random: Any, has_objects: bool) -> VectorEnv:
     *state_arrays, rewards, terminated, truncated = arrays
-    envs = cls(seed=[int(seed) for seed in state_arrays[2]], **arguments)
+    envs = cls(seed=started, **arguments)
     for name, (numbers, mask) in values.items():
         envs.set_parameter(name, numbers[mask], mask)
     for name, (low, high, mask) in ranges.items():

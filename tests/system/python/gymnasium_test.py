@@ -359,6 +359,54 @@ class VectorEnvironments(ExperimentTest):
         for now in (infos["seed"], infos["drawn"], infos["limit"]):
             self.assertLess(abs(np.corrcoef(drawn, now)[0, 1]), 0.2)
 
+    def test_chains_of_episodes_do_not_meet(self):
+        from smartsurf import _core
+        seen, seeds = set(), range(1, 1001)
+        for _ in range(300):
+            seeds = [_core.next_seed(seed) for seed in seeds]
+            seen.update(seeds)
+        self.assertEqual(len(seen), 300_000)
+
+    def test_a_seed_determines_all_episodes_that_follow(self):
+        path = self.script(ENDINGS)
+        for mode in AutoresetMode:
+            for first in (5, [5, 17, 9]):
+                runs = []
+                for _ in range(2):
+                    envs = smartsurf.VectorEnv(path, 3, 1, autoreset_mode=mode)
+                    envs.reset(seed=first)
+                    some = envs.reset(options={"reset_mask": np.array([False, True, True])})[1]["seed"][1:].tolist()
+                    runs.append([*some, *envs.reset()[1]["seed"].tolist(), *envs.reset(seed=[None, 4, None])[1]["seed"].tolist()])
+                self.assertEqual(*runs)
+                self.assertEqual(len(set(runs[0])), 8)
+            self.assertNotEqual(*(smartsurf.VectorEnv(path, 1, 1).reset()[1]["seed"] for _ in range(2)))
+
+    def test_worlds_restored_to_one_state_go_on_with_episodes_of_their_own(self):
+        for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+            envs = smartsurf.VectorEnv(self.script(ENDINGS), 4, 1, autoreset_mode=mode)
+            envs.reset(seed=1)
+            state = envs.save(2)
+            for world in range(4):
+                envs.restore(world, state)
+            there = pickle.loads(pickle.dumps(envs))
+            for tick in range(33):
+                seeds = [one.step(sampled(envs.action_space, tick))[4]["seed"].tolist() for one in (envs, there)]
+                self.assertEqual(*seeds)
+                if tick == 0:
+                    self.assertEqual(seeds[0], [3] * 4)
+            self.assertEqual(len(set(seeds[0])), 4)
+
+    def test_numbers_beyond_floats_are_infinite_actions_in_one_world_and_in_many(self):
+        path = self.script(ENDINGS)
+        for env in (smartsurf.Env(path), smartsurf.VectorEnv(path, 2, 1)):
+            env.reset(seed=1)
+            with np.errstate(over="ignore"):
+                self.assertEqual(np.max(env.step(np.full(env.action_space.shape, 1e300))[4]["nonfinite_actions"]), 16)
+        strict = smartsurf.Env(path, strict=True)
+        strict.reset(seed=1)
+        with np.errstate(over="ignore"), self.assertRaisesRegex(ValueError, "must be finite"):
+            strict.step(np.full(strict.action_space.shape, 1e300))
+
     def test_nothing_is_ignored(self):
         path = self.script(ENDINGS)
         for env in (smartsurf.Env(path), smartsurf.VectorEnv(path, 2, 1)):

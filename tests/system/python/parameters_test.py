@@ -303,6 +303,21 @@ class Parameters(ExperimentTest):
         with self.assertRaisesRegex(smartsurf.Error, "--vary frction=0:1: no nuisance"):
             smartsurf.Env(path, set={"vary.frction": (0, 1)})
 
+    def test_values_that_are_drawn_are_those_of_the_running_episodes(self):
+        for text in (scene(), "vary { friction = {0.5, 1.5, 'factor'} }\n" + scene()):
+            envs = smartsurf.VectorEnv(self.script(text), 3, 1)
+            envs.set_parameter("object.box.mass", 9)
+            envs.randomise({"object.*.mass": (1, 4), "object.box.restitution": (0, 0.9)})
+            envs.reset(seed=1)
+            mass, friction = envs.get_parameter("object.box.mass"), envs.get_parameter("surface.friction")
+            self.assertTrue((mass < 4).all() and len(set(mass)) == 3)
+            self.assertEqual(len(set(envs.get_parameter("object.box.restitution"))), 3)
+            envs.set_parameter("object.box.velocity", (1, 2, 3))  # pending
+            np.testing.assert_array_equal(envs.get_parameter("object.box.velocity"), [[1, 2, 3]] * 3)
+            np.testing.assert_array_equal(envs.get_parameter("object.box.mass"), mass)
+            np.testing.assert_array_equal(envs.get_parameter("surface.friction"), friction)
+            self.assertEqual(len(set(friction)), 3 if "vary" in text else 1)
+
     def test_options_that_differ_between_worlds(self):
         path = self.script("local radius = option('radius', 1) local count = option('count', 1)\n"
                            "surface { rows = 6, columns = 6, actuator = pin {} }\n"

@@ -238,6 +238,33 @@ class Tasks(ExperimentTest):
             self.assertGreater(failures, 3)
             self.assertLess(failures, 120)
 
+    def test_a_reward_that_is_not_finite_ends_its_world(self):
+        class Undefined(Reach):
+            def reward(self, s):
+                return np.where((s.ticks == 3) & (s.goals["height"] < 0.7), np.nan, 1.0)
+        for mode in AutoresetMode:
+            envs = Undefined().make_vec(8, threads=1, autoreset_mode=mode)
+            _, infos = envs.reset(seed=1)
+            bad = infos["height"] < 0.7
+            self.assertTrue(0 < bad.sum() < 8)
+            for tick in range(3):
+                _, rewards, terminated, truncated, infos = envs.step(command(tick, envs.action_space.shape))
+            np.testing.assert_array_equal(np.isnan(rewards), bad)
+            np.testing.assert_array_equal(truncated, bad)
+            self.assertFalse(terminated[bad].any())
+            final = infos.get("final_info", infos)
+            for i in np.flatnonzero(bad):
+                self.assertEqual(final["error"][i], f"Undefined.reward is nan in world {i}: must be finite")
+            if mode == AutoresetMode.DISABLED:
+                envs.reset(options={"reset_mask": bad})
+            self.assertTrue(np.isfinite(envs.step(command(3, envs.action_space.shape))[1]).all())
+        for arguments, worlds in (({"strict": True}, 8), ({}, 1)):
+            envs = Undefined().make_vec(worlds, threads=1, **arguments)
+            envs.reset(seed=[seed for seed in range(1, 9) if worlds == 8 or bad[seed - 1]][:worlds])
+            with self.assertRaisesRegex(smartsurf.Error, "Undefined.reward is nan"):
+                for tick in range(3):
+                    envs.step(command(tick, envs.action_space.shape))
+
     def test_mistakes_name_the_function(self):
         def changed(**members):
             return type("Mine", (Sensed,), members)()
@@ -249,23 +276,35 @@ class Tasks(ExperimentTest):
                 (changed(arrays="cupy"), "arrays = 'cupy': must be"),
                 (changed(randomise={"object.cup.mass": (1, 2)}), "no 'cup'"),
                 (changed(parameters={"surface.friction": -1}), "friction = -1"),
+                (changed(episode_seconds=0), "episode_seconds = 0: must be a number above 0"),
+                (changed(episode_seconds="3"), "episode_seconds = '3'"),
+                (changed(goals={"seed": (0, 1)}), "goals: seed: infos have another value"),
                 (changed(observation=lambda self, s: np.zeros(7)), r"Mine.observation has shape \(7,\): must be \(2, …\)")):
             with self.assertRaisesRegex(ValueError, message) as raised:
                 task.make_vec(2)
             self.assertNotIn("\n", str(raised.exception))
         for members, message in (({"reward": lambda self, s: np.zeros((2, 2))}, r"Mine.reward returned an array of shape \(2, 2\)"),
                                  ({"success": lambda self, s: [True]}, "Mine.success returned"),
+                                 ({"observation": lambda self, s: np.zeros((2, 1 + s.ticks[0]))}, "must have those of the first"),
+                                 ({"observation": lambda self, s: {f"x{s.ticks[0]}": s.time}}, "must have those of the first"),
                                  ({"reward": lambda self, s: "much"}, "must be real numbers")):
             envs = changed(**members).make_vec(2)
             envs.reset(seed=1)
             with self.assertRaisesRegex(ValueError, message):
                 envs.step(np.zeros(envs.action_space.shape, np.float32))
 
-        def writes(self, s):
-            s.sensors["proximity"][...] = 0
-        envs = changed(reward=writes).make_vec(2)
-        with self.assertRaisesRegex(ValueError, "read-only"):
-            envs.step(np.zeros(envs.action_space.shape, np.float32))
+        for member in ("sensors['proximity']", "actions['height']", "goals['level']", "time", "ticks", "position('box')"):
+            def writes(self, s, member=member):
+                exec(f"s.{member}[...] = 0")
+            envs = changed(reward=writes).make_vec(2)
+            with self.assertRaisesRegex(ValueError, "read-only"):
+                envs.step(np.zeros(envs.action_space.shape, np.float32))
+
+    def test_misspelt_declarations_are_refused(self):
+        for name, value in (("randomize", {"object.box.mass": (1, 2)}), ("goal", {"level": (0, 1)}), ("episode_second", 3)):
+            with self.assertRaisesRegex(TypeError, rf"Mine.{name}: a Task has no such attribute \(did you mean '(randomise|goals|episode_seconds)'"):
+                type("Mine", (Sensed,), {name: value})
+        type("Mine", (Sensed,), {"goal": (3, 4), "scale": 2, "array": np.zeros(3), "setup": lambda self: 0})
 
     def test_torch(self):
         try:

@@ -92,6 +92,11 @@ e: int = envs.sensor_channels[0].name
 envs.sensor_channels[0].mininum
 learner.task.rewrad
 Turn().make_vec("64")
+Turn().make_vec(num_env=64)
+Turn().make_vec(64, copy="no")
+Turn().make(shm=3)
+Turn().make(seeds=1)
+smartsurf.parallel_env("plate.lua", blocks=2)
 smartsurf.LocalPolicy(["proximity"], [("height", 0)], [])
 smartsurf.run("plate.lua", seed="1")
 smartsurf.attach(3)
