@@ -53,7 +53,8 @@ class LivePage(ProgramTest):
                           "its table is drawn")
             self.assertGreater(len(browser.screenshot()), 30_000, "the picture is empty")
             browser.click("#play")
-            self.assertEqual(browser.value("[live.running, document.getElementById('play').textContent]"), [False, "Run"])
+            # A busy browser answers before it has handled the click.
+            self.wait_for(lambda: browser.value("[live.running, document.getElementById('play').textContent]") == [False, "Run"], "it pauses")
             for index, seconds in ((0, 1), (1, 2)):
                 _, script, program, _ = EXPERIMENTS[index]
                 browser.value(f"live.until({index}, '9', {seconds})")
