@@ -90,11 +90,12 @@ bool KernelSourceReader::may_change_any(const KernelTokenList& names, std::size_
 
 // An endless loop that leaves itself and takes no frame.
 bool KernelSourceReader::leaves_itself(std::size_t body) const {
+  if (body >= staying_.first && body < staying_.second) return false;
   const auto end_of = [this](std::size_t first) {
     return tokens_[first].is("{") ? behind_bracket(first) : statement_end(first);
   };
   const std::size_t end = end_of(body);
-  bool leaves = false;
+  bool leaves = false, any_leaves = false;
   std::size_t inner_end = body;  // of the loop within this one
   for (std::size_t i = body; i < end && i + 1 < tokens_.size(); ++i) {
     const KernelToken& token = tokens_[i];
@@ -104,8 +105,11 @@ bool KernelSourceReader::leaves_itself(std::size_t body) const {
       inner_end = end_of(behind_bracket(i + 1));
     else if (i >= inner_end && token.is_name("do"))
       inner_end = end_of(i + 1);
-    leaves = leaves || token.is_name("return") || (token.is_name("break") && i >= inner_end);
+    if (!token.is_name_of({"return", "break"})) continue;
+    any_leaves = true;
+    leaves = leaves || token.is_name("return") || i >= inner_end;
   }
+  if (!any_leaves) staying_ = {body, end};
   return leaves;
 }
 

@@ -216,6 +216,7 @@ void KernelSourceReader::leave_out_values(std::size_t first, std::size_t last, P
   std::size_t inner_end = first;  // of a loop within the text
   for (std::size_t i = first; i < last; ++i) {
     const KernelToken& token = tokens_[i];
+    if (token.kind != Kind::kName) continue;
     if (token.is_name_of({"for", "while", "do", "switch"}) && i >= inner_end)
       inner_end = std::min(last, statement_end(token.is_name("do") ? i + 1 : behind_bracket(i + 1)) + 1);
     if (token.is_name("return") && current_ != nullptr && current_->name != "main")
@@ -226,7 +227,7 @@ void KernelSourceReader::leave_out_values(std::size_t first, std::size_t last, P
       else
         loops_.back().left_out_break = reason;
     }
-    if (token.kind != Kind::kName || !seen.insert(token.text).second) continue;
+    if (!seen.insert(token.text).second) continue;
     const Variable* variable = find_variable(token.text);
     if (variable != nullptr && is_scalar(variable->type) && may_change(token.text, first, last))
       flow_.leave_out(variable->node, reason);

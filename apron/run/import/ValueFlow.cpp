@@ -10,12 +10,12 @@ void ValueFlow::write(Node node) {
 }
 
 void ValueFlow::guard(Node node) {
-  for (const Node one : guards_) flow(one, node);
+  if (!guards_.empty()) flow(guards_.back(), node);  // which depends on those around it
 }
 
 void ValueFlow::instruction(Place place) {
   Nodes nodes = reads_;
-  nodes.insert(guards_.begin(), guards_.end());
+  if (!guards_.empty()) nodes.insert(guards_.back());
   instructions_.emplace_back(std::move(place), std::move(nodes));
 }
 

@@ -16,7 +16,7 @@ class ValueFlow {
   using Node = std::size_t;  // 0 is none
   using Nodes = std::set<Node>;
 
-  // While it lives, statements run only if the node's value says so.
+  // While it lives, statements run only if the node's value says so. The node must have been written.
   class Guard {
    public:
     Guard(ValueFlow& flow, Node node) : flow_(flow) { flow_.guards_.push_back(node); }

@@ -68,10 +68,10 @@ TEST(KernelImport, DeepTextIsLeftOut) {
     return all;
   };
   for (const char* statement : {"{", "if(1)", "while(1)", "if(1);else ", "for(;;){", "do{"})
-    EXPECT_NO_THROW(import_text("int main(){" + repeated(statement, 40000) + "mov(A,B);")) << statement;
+    EXPECT_NO_THROW(import_text("int main(){" + repeated(statement, 20000) + "mov(A,B);")) << statement;
   for (const char* expression : {"(", "1?", "1?2:", "!", "f(", "1+(2*"})
     for (const char* before : {"int main(){ scamp5_in(A,", "const int x = ", "\n#if "})
-      EXPECT_NO_THROW(import_text(before + repeated(expression, 40000) + "1);}\n")) << before << expression;
+      EXPECT_NO_THROW(import_text(before + repeated(expression, 20000) + "1);}\n")) << before << expression;
   std::string doubling = "#define A0 1\n#define F(x) x x\n";
   for (int i = 1; i < 60; ++i)
     doubling += "#define A" + std::to_string(i) + " A" + std::to_string(i - 1) + " + A" +
