@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <memory>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -14,7 +15,15 @@ namespace {
 constexpr std::int64_t kHandshake_us = 200'000;
 constexpr std::size_t kMaxPendingBytes = 1 << 16;
 constexpr int kMaxOpenings = 64;
-std::atomic<int> openings{0};  // lines that threads of this process open
+std::atomic<int> openings{0};
+
+// A line that a thread of this process opens.
+struct Opening {
+  Opening() { ++openings; }
+  ~Opening() { --openings; }
+  Opening(const Opening&) = delete;
+  Opening& operator=(const Opening&) = delete;
+};
 
 }  // namespace
 
@@ -53,16 +62,13 @@ void Board::open_line(std::int64_t reopen_us) {
   }
   if (now() - last_open_ < reopen_us || openings >= kMaxOpenings) return;
   last_open_ = now();
-  ++openings;
   try {
-    opening_ = std::async(std::launch::async, [address = spec_.port] {
+    opening_ = std::async(std::launch::async, [address = spec_.port, opening = std::make_unique<Opening>()] {
       std::string why;
       auto port = Port::open(address, why);
-      --openings;
       return std::pair{std::move(port), std::move(why)};
     });
   } catch (const std::system_error& error) {  // no thread
-    --openings;
     why_ = error.what();
   }
 }

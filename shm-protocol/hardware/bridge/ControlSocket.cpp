@@ -58,11 +58,11 @@ std::string silent(const std::string& surface) {
   return "the bridge of surface '" + surface + "' does not answer";
 }
 
-// Returns the socket on which receive() awaits the answer.
-int send(const std::string& surface, const std::string& command) {
+// Returns the socket on which receive_answer() awaits the answer.
+int send_command(const std::string& surface, const std::string& command) {
   const int socket = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
-  const timeval patience{.tv_sec = 1,
-                         .tv_usec = 0};  // a suspended bridge accepts no more than its queue takes
+  // A suspended bridge accepts no more connections than its queue takes.
+  const timeval patience{.tv_sec = 1, .tv_usec = 0};
   const Address a = address_of(surface);
   if (socket < 0 || ::setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience) != 0 ||
       ::connect(socket, reinterpret_cast<const sockaddr*>(&a.at), a.bytes) != 0)
@@ -72,7 +72,7 @@ int send(const std::string& surface, const std::string& command) {
   return socket;
 }
 
-std::string receive(const std::string& surface, int socket, std::chrono::milliseconds patience) {
+std::string receive_answer(const std::string& surface, int socket, std::chrono::milliseconds patience) {
   pollfd ready{socket, POLLIN, 0};
   if (::poll(&ready, 1, static_cast<int>(patience.count())) != 1) fail(socket, silent(surface));
   std::string text(kMaxAnswer, '\0');
@@ -143,19 +143,19 @@ void ControlSocket::serve(const std::function<std::string(const std::string&)>& 
 }
 
 std::string ask_bridge(const std::string& surface, const std::string& command) {
-  return receive(surface, send(surface, command), 10s);
+  return receive_answer(surface, send_command(surface, command), 10s);
 }
 
 std::string stop_all_bridges() {
   std::vector<std::pair<std::string, int>> told;
   std::string stopped, failed;
   for (const std::string& surface : served_surfaces()) try {
-      told.emplace_back(surface, send(surface, "stop"));
+      told.emplace_back(surface, send_command(surface, "stop"));
     } catch (const std::runtime_error& e) {
       failed += "; " + std::string(e.what());
     }
   for (const auto& [surface, socket] : told) try {
-      receive(surface, socket, 1s);
+      receive_answer(surface, socket, 1s);
       stopped += (stopped.empty() ? "'" : ", '") + surface + "'";
     } catch (const std::runtime_error& e) {
       failed += "; " + std::string(e.what());

@@ -120,8 +120,8 @@ void reduce_triangle(Simplex& s) {
 }
 
 // The face of a tetrahedron that is closest to the origin, of those for which is_inner(height of the origin,
-// height of the opposite vertex) is false; without vertices if there is none. Heights are multiples of the
-// same length.
+// height of the opposite vertex) is false; without vertices if there is none. Both heights are scaled by
+// the same factor.
 template <class IsInner>
 Simplex closest_face(const Simplex& s, IsInner is_inner) {
   static constexpr int kFaces[4][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 3, 2, 0}};
@@ -145,8 +145,8 @@ Simplex closest_face(const Simplex& s, IsInner is_inner) {
 // Reduces a tetrahedron to the face closest to the origin. False if the origin is inside.
 bool reduce_tetrahedron(Simplex& s) {
   Simplex face = closest_face(s, [](float origin, float vertex) { return origin * vertex > 0.0F; });
-  // Of a flat tetrahedron rounding decides on which side of each face its vertices are. It has no inside: the
-  // origin is higher above a face than the opposite vertex.
+  // Rounding decides on which side of each face the vertices of a flat tetrahedron are. Such a tetrahedron
+  // has no inside: the origin is higher above a face than the opposite vertex.
   if (face.count == 0)
     face = closest_face(s, [](float origin, float vertex) { return std::abs(origin) <= std::abs(vertex); });
   if (face.count == 0) return false;
