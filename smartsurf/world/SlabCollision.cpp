@@ -2,7 +2,6 @@
 // other.
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <span>
 
 #include "smartsurf/world/CollisionPipeline.h"
@@ -12,6 +11,7 @@
 #include "smartsurf/world/narrowphase/InternalEdges.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/narrowphase/PairSweep.h"
+#include "smartsurf/world/narrowphase/RollingPoints.h"
 
 namespace smartsurf::world {
 namespace {
@@ -19,36 +19,12 @@ namespace {
 // More pairs touch than a slab may hold. Thrown, so that none of the others is looked for.
 struct Overloaded {};
 
-// Where the centre of curvature of a round side lies on the body's axis, from the origin, at a contact whose
-// anchor is from the origin too; nothing at an end that is flat or an edge.
-std::optional<float> centre_of_curvature(const Shape& shape, const Vec3& axis, const Contact& c) {
-  const float along = c.anchor.dot(axis), normal_along = c.normal.dot(axis);
-  if (shape.kind == scene::ShapeKind::kCapsule) {
-    const float end = std::max(0.0F, shape.high - shape.radius);
-    return std::clamp(along, -end, end);
-  }
-  constexpr float kMostAlong = 0.7F;
-  if (!shape.is_axisymmetric() || std::abs(normal_along) > kMostAlong) return std::nullopt;
-  const float radius = (c.anchor - along * axis).norm() / (c.normal - normal_along * axis).norm();
-  return along + radius * normal_along;
-}
-
-// Collision detection measures from the origin of the shape. The point of a round side stays on one side of
-// its centre of curvature, about which an eccentric centre of mass turns: it is taken where it is when
-// impulses act on average, `mean_time_s` after the begin of the step. That of the begin lags, and drives what
-// rocks.
-void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, float mean_time_s,
-                              std::vector<Contact>& contacts, std::size_t first) {
+// Collision detection measures from the origin of the shape.
+void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::span<Contact> contacts) {
   if (!bodies.has_offsets) return;
   const Vec3& offset = bodies.origin_offset[i];
   if (offset.isZero(0.0F)) return;
-  const Vec3 axis = bodies.axes[i].col(2), turn = mean_time_s * bodies.angular_velocity(i);
-  for (std::size_t k = first; k < contacts.size(); ++k) {
-    Contact& c = contacts[k];
-    const std::optional<float> centre = centre_of_curvature(*bodies.shape[i], axis, c);
-    c.anchor += offset;
-    if (centre) c.anchor += turn.cross(offset + *centre * axis);
-  }
+  for (Contact& c : contacts) c.anchor += offset;
 }
 
 }  // namespace
@@ -168,10 +144,25 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
-  anchor_at_centre_of_mass(bodies, i, mean_substep_begin_s_, out.contacts, first);
+  const auto contacts = std::span(out.contacts).subspan(first);
+  move_points_of_rolling(bodies, i, contacts);
+  anchor_at_centre_of_mass(bodies, i, contacts);
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
+}
+
+// On the cells only an eccentric body's points leave their place on it.
+void CollisionPipeline::move_points_of_rolling(const BodyStore& bodies, std::size_t i,
+                                               std::span<Contact> contacts) const {
+  const bool is_eccentric = !bodies.is_sphere[i] && !bodies.origin_offset[i].isZero(0.0F);
+  for (Contact& c : contacts) {
+    const auto other = static_cast<std::size_t>(c.partner);
+    if (c.touches_body() && !bodies.is_sphere[i] && may_roll(bodies, other))
+      move_rolling_points(bodies, i, other, mean_substep_begin_s_, {&c, 1});
+    else if (is_eccentric && may_roll(bodies, i))
+      move_rolling_points(bodies, i, std::nullopt, mean_substep_begin_s_, {&c, 1});
+  }
 }
 
 // Finds the support patch of the last manifold's body. The patch takes over the load and the friction of the
@@ -316,7 +307,11 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
       {static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
   for (const std::size_t body : {a, b})
     if (bodies.asleep[body]) results.touched_sleepers.push_back(static_cast<std::int32_t>(body));
-  anchor_at_centre_of_mass(bodies, a, mean_substep_begin_s_, pair_contacts.contacts, first);
+  const auto contacts = std::span(pair_contacts.contacts).subspan(first);
+  const bool both_spheres = bodies.is_sphere[a] && bodies.is_sphere[b];
+  if (!is_swept && !both_spheres && (may_roll(bodies, a) || may_roll(bodies, b)))
+    move_rolling_points(bodies, a, b, mean_substep_begin_s_, contacts);
+  anchor_at_centre_of_mass(bodies, a, contacts);
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   const ContactList& previous = previous_contacts_.pair_contacts();

@@ -241,6 +241,15 @@ class OnBody : public testing::TestWithParam<int> {
     turning.angular_velocity = Eigen::Vector3d(0, 0, rate);
     fixture.world().place(carrier, turning);
   }
+  // Of the points of a rectangle, from its middle.
+  static double mean_radius_of(double length, double width) {
+    double sum = 0;
+    constexpr int kParts = 200;
+    for (int i = 0; i < kParts; ++i)
+      for (int k = 0; k < kParts; ++k)
+        sum += std::hypot(((i + 0.5) / kParts - 0.5) * length, ((k + 0.5) / kParts - 0.5) * width);
+    return sum / (kParts * kParts);
+  }
   static double top(PhysicsFixture& fixture, scene::ObjectId carrier) {
     return static_cast<double>(fixture.position(carrier).z()) + 0.5;
   }
@@ -318,17 +327,8 @@ TEST_P(OnBody, FacesSlowATwistAsTheirAreaDoes) {
     spinner.friction = friction;
     const double spin = draw(8, 20);
     spinner.angular_velocity = {0, 0, spin};
-    double mean_radius = size.x() / 3, gyration_squared = size.x() * size.x() / 8;
-    if (!is_disc) {
-      mean_radius = 0;
-      constexpr int kParts = 200;
-      for (int i = 0; i < kParts; ++i)
-        for (int k = 0; k < kParts; ++k)
-          mean_radius +=
-              std::hypot(((i + 0.5) / kParts - 0.5) * size.x(), ((k + 0.5) / kParts - 0.5) * size.y()) /
-              (kParts * kParts);
-      gyration_squared = size.head<2>().squaredNorm() / 12;
-    }
+    const double mean_radius = is_disc ? size.x() / 3 : mean_radius_of(size.x(), size.y()),
+                 gyration_squared = is_disc ? size.x() * size.x() / 8 : size.head<2>().squaredNorm() / 12;
     const double slows = friction * kGravity * mean_radius / gyration_squared, seconds = 0.6 * spin / slows;
     const scene::ObjectId id = fixture.add(spinner);
     fixture.run(seconds);
@@ -336,6 +336,39 @@ TEST_P(OnBody, FacesSlowATwistAsTheirAreaDoes) {
                 0.6 * spin * (0.01 + 1.0 / (seconds * GetParam())))
         << (is_disc ? "disc" : "box") << ", spin " << spin << ", friction " << friction;
     EXPECT_LT((fixture.position(id).cast<double>() - at).head<2>().norm(), 0.02);
+  });
+}
+
+// A face at rest on another bears a torque up to Σ µ·p·r over its area, and with a force beside it what the
+// ellipse of both leaves.
+TEST_P(OnBody, FacesBearATwistAsTheirAreaDoes) {
+  on_random_bodies(7, 24, [](PhysicsFixture& fixture, scene::ObjectId carrier, double friction, auto draw) {
+    const bool is_disc = draw(0, 1) < 0.4;
+    const Eigen::Vector3d size(draw(1, 3), draw(1, 3), draw(0.3, 0.6)),
+        at(kMiddle + draw(-3, 3), kMiddle + draw(-3, 3), top(fixture, carrier) + 0.5 * size.z());
+    scene::ObjectSpec object = is_disc ? cylinder(0.5 * size.x(), size.z(), at) : box(size, at);
+    object.mass = draw(0.5, 3), object.friction = friction;
+    const double mean_radius = is_disc ? size.x() / 3 : mean_radius_of(size.x(), size.y());
+    const double force = draw(0, 1) < 0.5 ? 0.0 : draw(0.2, 0.8), share = draw(0, 1) < 0.5 ? 0.9 : 1.1,
+                 limit = friction * *object.mass * kGravity, direction = draw(-3.1, 3.1);
+    const scene::ObjectId id = fixture.add(object);
+    fixture.run(0.5);
+    const double push = share * force * limit,
+                 torque = share * std::sqrt(1 - force * force) * limit * mean_radius;
+    const auto drive = [&] {
+      surface::Wrench& wrench = fixture.world().wrenches()[fixture.world().bodies().size() - 1];
+      wrench.force = (push * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0)).cast<float>();
+      wrench.torque = Eigen::Vector3f(0, 0, static_cast<float>(torque));
+    };
+    drive();
+    fixture.run(2.0, drive);
+    const double spin = fixture.angular_velocity(id).z(), speed = fixture.velocity(id).head<2>().norm();
+    if (share < 1)
+      EXPECT_LT(std::abs(spin) * mean_radius + speed, 0.005)
+          << (is_disc ? "disc, force " : "box, force ") << force;
+    else
+      EXPECT_GT(std::abs(spin) * mean_radius + speed, 0.05)
+          << (is_disc ? "disc, force " : "box, force ") << force;
   });
 }
 

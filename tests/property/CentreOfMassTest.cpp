@@ -120,18 +120,18 @@ TEST_P(CentreOfMass, LoadedBallRocksWithItsPeriod) {
   EXPECT_NEAR(period / expected, 1.0, 0.01);
 }
 
-// Random balls, cylinders and capsules whose centre of mass is below their axis, on cells and on a body: what
-// rocks without rolling friction neither gains nor loses.
+// Random balls, cylinders and capsules whose centre of mass is below their axis, on cells, on a fixed body
+// and on a heavy one, declared before or after it: what rocks without rolling friction neither gains nor
+// loses.
 TEST_P(CentreOfMass, LoadedRoundBodiesKeepTheirSwing) {
-  for_random_fixtures(21, 12, GetParam(), [](PhysicsFixture& scene, const auto& draw) {
+  for_random_fixtures(21, 24, GetParam(), [](PhysicsFixture& scene, const auto& draw) {
     scene.scene.materials[0].rolling_friction = 0.0;
     scene.scene.materials[0].friction = 1.0;
-    const double ground = draw(0, 1) < 0.5 ? 0.0 : 1.0;
-    if (ground > 0.0) {
-      ObjectSpec slab = box({16, 16, 1}, {15, 15, 0.5});
-      slab.fixed = true;
-      scene.add(slab);
-    }
+    const double on = draw(0, 4), ground = on < 1 ? 0.0 : 1.0;
+    ObjectSpec slab = box({16, 16, 1}, {15, 15, 0.5});
+    slab.fixed = on < 2;
+    if (on >= 2) slab.mass = 1e5;
+    if (on >= 1 && on < 3) scene.add(slab);
     const double radius = draw(0.6, 1.6), kind = draw(0, 3), height = draw(1, 3), amplitude = draw(0.1, 0.4);
     const Vector3d at(15, 15, ground + radius);
     ObjectSpec body = kind < 1   ? sphere(radius, at)
@@ -141,6 +141,7 @@ TEST_P(CentreOfMass, LoadedRoundBodiesKeepTheirSwing) {
     body.orientation =
         Eigen::AngleAxisd(amplitude, Vector3d::UnitY()) * Eigen::AngleAxisd(M_PI / 2, Vector3d::UnitX());
     const auto id = scene.add(body);
+    if (on >= 3) scene.add(slab);
     // Positions are floats: at shorter intervals those near an extreme are equal.
     const int stride = static_cast<int>(std::lround(1.0 / 60 / GetParam()));
     Swing swing(1.0 / 60);
@@ -149,7 +150,7 @@ TEST_P(CentreOfMass, LoadedRoundBodiesKeepTheirSwing) {
       if (++step % stride == 0) swing.add(static_cast<double>(scene.position(id).x()));
     });
     EXPECT_LT(std::abs(swing.decrement() / swing.period_s()), 0.003)
-        << "a second; kind " << kind << ", radius " << radius << ", amplitude " << amplitude;
+        << "a second; kind " << kind << ", on " << on << ", radius " << radius << ", amplitude " << amplitude;
   });
 }
 

@@ -41,10 +41,12 @@ struct Contact {
   Vec3 friction_impulse{0, 0, 0};
   Vec3 rolling_impulse{0, 0, 0};
   float total_normal_impulse = 0.0F;
-  // The fraction of the friction that a corner of a face patch loses where the patch twists about the centre
-  // of its load and does not slide: the corners would resist a twist as a ring does, not as a face. Equal in
-  // all contacts of a patch, of which a manifold has one at most; 0 elsewhere.
+  // The fraction of the friction that a corner of a face patch loses under a pure twist about the centre of
+  // the patch's load: the corners would bear a twist as a ring does, not as a face. Equal in all contacts of
+  // a patch, of which a manifold has one at most; 0 elsewhere.
   float twist_friction_loss = 0.0F;
+  // When the point is at the anchor, from the begin of the step (narrowphase/RollingPoints.h).
+  float anchor_time_s = 0.0F;
 
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }
   bool touches_body() const { return static_cast<std::int32_t>(partner) >= 0; }  // a static one

@@ -210,36 +210,37 @@ void for_each_point(const ContactBatch* batches, int count, BatchPoints points, 
     }
 }
 
-// Lowers the friction of the corners of a face patch that twists: see Contact::twist_friction_loss.
+// Lowers the friction of the corners of a face patch by what the last friction was a twist: see
+// Contact::twist_friction_loss.
 template <bool kPair, bool kSpheres>
 HWY_INLINE void lower_friction_of_twist(const ContactLanes<kPair, kSpheres>& l, const ContactBatch& o,
                                         const BatchPoints& points) {
-  // Speed of a corner about the centre, u/s. From twice that on the effect is full.
-  constexpr float kSlipsFrom = 0.1F;
   const int at = l.lane;
   const V least = set(1e-20F), one = set(1.0F);
   // The centre of the load of the last step, or of the points where there was none.
   V sum = zero();
-  V3 moment{zero(), zero(), zero()}, velocity{zero(), zero(), zero()};
+  V3 moment{zero(), zero(), zero()}, force = moment;
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
     const PointRef q = point_ref(points, k);
     const V weight = if_positive(load(q.detail.twist_friction_loss, at),
                                  hn::Max(load(q.point.normal_impulse, at), least), zero());
     sum = sum + weight;
     moment = moment + l.anchor_a(q) * weight;
-    velocity = velocity + l.relative_velocity(q, load3(q.point.normal, at)) * weight;
+    force = force + load3(q.point.friction_impulse, at);
   }
-  const V share = one / hn::Max(sum, least);
-  const V3 centre = moment * share, slip = velocity * share;
-  V3 spin = l.a.angular_velocity;
-  if constexpr (kPair) spin = spin - l.b.angular_velocity;
+  const V3 centre = moment * (one / hn::Max(sum, least));
+  V torque = zero();
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
     const PointRef q = point_ref(points, k);
-    const V3 n = load3(q.point.normal, at), arm = l.anchor_a(q) - centre, sliding = slip - n * dot(n, slip);
-    const V rate = dot(n, spin), squared = rate * rate * dot(arm, arm);
-    const V slips = hn::Min(hn::Max(square_root(squared) * set(1.0F / kSlipsFrom) - one, zero()), one);
-    const V twists = squared / hn::Max(squared + dot(sliding, sliding), least);
-    const V kept = one - load(q.detail.twist_friction_loss, at) * slips * twists;
+    torque = torque + dot(load3(q.point.normal, at),
+                          cross(l.anchor_a(q) - centre, load3(q.point.friction_impulse, at)));
+  }
+  const V squared = torque * torque, force_squared = dot(force, force);
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    const PointRef q = point_ref(points, k);
+    const V3 arm = l.anchor_a(q) - centre;
+    const V twist = squared / hn::Max(squared + force_squared * dot(arm, arm), least);
+    const V kept = one - load(q.detail.twist_friction_loss, at) * twist;
     store(load(q.point.friction, at) * kept, q.point.friction, at);
   }
 }

@@ -255,8 +255,8 @@ struct DeltaPoseLanes {
   }
 
   // The points of a pair lie on the smaller body, which moves over the larger one that carries it. The
-  // result is what b's surface gains on a's because the points have moved since the start of the step, in the
-  // middle of the substep (the midpoint rule).
+  // result is what b's surface gains on a's because the points have moved since they were at the anchors, in
+  // the middle of the substep (the midpoint rule).
   HWY_INLINE V3 carrying_velocity(const ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                                   const SubstepParams& params) const {
     static_assert(kPair && !kSpheres);
@@ -264,8 +264,8 @@ struct DeltaPoseLanes {
     const V3 &of_a = l.a.angular_velocity, &of_b = l.b.angular_velocity;
     const V3 carrier{if_positive(larger_a, of_a.x, of_b.x), if_positive(larger_a, of_a.y, of_b.y),
                      if_positive(larger_a, of_a.z, of_b.z)};
-    return cross(carrier,
-                 translation_a - translation_b + (l.a.velocity - l.b.velocity) * set(0.5F * params.h_s));
+    const V ahead = set(0.5F * params.h_s) - load(q.detail.anchor_time, l.lane);
+    return cross(carrier, translation_a - translation_b + (l.a.velocity - l.b.velocity) * ahead);
   }
 
   // Current separation along the normal n, to first order.

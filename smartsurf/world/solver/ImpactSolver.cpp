@@ -98,7 +98,8 @@ ImpactSolver::Sides::Sides(const Step& step, const Manifold& m, const Contact& c
   velocity_b = step.velocity + step.partition.row(m.b);
   delta_b = step.delta_pose + step.partition.row(m.b);
   anchor_b = bodies.is_sphere[m.b] ? Vec3(bodies.bounding_radius[m.b] * c.normal)
-                                   : Vec3(bodies.position[m.a] + c.anchor - bodies.position[m.b]);
+                                   : Vec3(bodies.position[m.a] + c.anchor - bodies.position[m.b] +
+                                          c.anchor_time_s * (bodies.velocity(m.a) - bodies.velocity(m.b)));
 }
 
 Vec3 ImpactSolver::Sides::velocity() const {
@@ -497,7 +498,8 @@ void ImpactSolver::take_changes() {
 float ImpactSolver::greatest_of_members(float value, const Member& member) {
   if (member.member_count == 1) return value;
   MemberState& own = members_[member.index];
-  const std::uint32_t slot = own.sweep++ % 2;  // a member reads the results of one sweep while others write the next
+  const std::uint32_t slot =
+      own.sweep++ % 2;  // a member reads the results of one sweep while others write the next
   own.result[slot] = value;
   member.arrive_and_wait();
   for (const MemberState& m : members_) value = std::max(value, m.result[slot]);

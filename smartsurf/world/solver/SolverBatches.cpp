@@ -178,7 +178,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
   const std::vector<Vec3>& position = context.bodies.position;
   struct Lanes {
     float radius_a[kLanes] = {}, radius_b[kLanes] = {}, friction[kLanes] = {}, rolling_friction[kLanes] = {};
-    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {};
+    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {}, velocity_to_a[3][kLanes] = {};
   } lanes;
   const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
     const SurfaceMaterial& a = material_[o.a[lane]];
@@ -205,6 +205,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     o.has_face_patch |= m.count > 1 && of.first[lane]->twist_friction_loss > 0.0F;
     store(lanes.position_a, lane, position[m.a]);
     store(lanes.position_b, lane, position[m.b]);
+    store(lanes.velocity_to_a, lane, context.bodies.velocity(m.a) - context.bodies.velocity(m.b));
   }
   for (int k = 0; k < o.point_count; ++k) {
     BatchPoint& p = point_[o.first_point + k];
@@ -246,10 +247,14 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
                      four[3]->twist_friction_loss},
               d.twist_friction_loss);
         const Float4 anchor[3] = {first.w, second.x, second.y};
+        const Float4 time{four[0]->anchor_time_s, four[1]->anchor_time_s, four[2]->anchor_time_s,
+                          four[3]->anchor_time_s};
+        if (of_pairs) put(time, d.anchor_time);
         for (int i = 0; i < 3; ++i) {
           put(anchor[i], d.anchor_a[i]);
           if (of_pairs)
-            put((load4(lanes.position_a[i] + lane) + anchor[i]) - load4(lanes.position_b[i] + lane),
+            put((load4(lanes.position_a[i] + lane) + anchor[i]) - load4(lanes.position_b[i] + lane) +
+                    time * load4(lanes.velocity_to_a[i] + lane),
                 d.anchor_b[i]);
         }
       }

@@ -1,0 +1,104 @@
+#include "smartsurf/world/narrowphase/RollingPoints.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::world {
+namespace {
+
+// Points are moved along straight lines, up to this angle of the bodies, rad.
+constexpr float kMaxTurn = 0.5F;
+
+// Of a body's surface at a contact, in the tangent plane.
+struct Curvature {
+  float value = 0.0F;        // 1/u; 0: flat
+  Vec3 flat_along{0, 0, 0};  // unit, the direction without curvature; 0: curved in all
+};
+
+// `from_origin`: to the contact point, in world axes.
+Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& from_origin,
+                       const Vec3& normal) {
+  const Shape& shape = *bodies.shape[body];
+  if (bodies.is_sphere[body]) return {1.0F / shape.radius};
+  if (!shape.is_axisymmetric()) return {};
+  const Vec3 axis = bodies.axes[body].col(2);
+  const float along = from_origin.dot(axis), normal_along = normal.dot(axis);
+  if (shape.kind == scene::ShapeKind::kCapsule) {
+    const float end = std::max(0.0F, shape.high - shape.radius);
+    if (std::abs(along) < end) return {1.0F / shape.radius, axis};
+    return {1.0F / shape.radius};
+  }
+  constexpr float kMostAlong = 0.7F;  // an end
+  if (std::abs(normal_along) > kMostAlong) return {};
+  const Vec3 across = normal - normal_along * axis, generatrix = axis - normal_along * normal;
+  constexpr float kLeastRadius = 1e-4F;  // of a cone, near its tip
+  return {across.norm() / std::max(kLeastRadius, (from_origin - along * axis).norm()),
+          generatrix.normalized()};
+}
+
+// One of the two bodies, or the ground.
+struct Side {
+  Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0}, centre{0, 0, 0};  // of mass
+
+  Side() = default;
+  Side(const BodyStore& bodies, std::size_t body)
+      : velocity(bodies.velocity(body)),
+        angular_velocity(bodies.angular_velocity(body)),
+        centre(bodies.position[body]) {}
+  Vec3 velocity_at(const Vec3& point) const { return velocity + angular_velocity.cross(point - centre); }
+};
+
+// Velocity of a contact point, u/s, which its normal, from b to a, and the curvatures determine. In a
+// direction in which both sides are flat it follows the body a or b.
+Vec3 velocity_of_point(const Side& a, const Side& b, const Curvature& of_a, const Curvature& of_b,
+                       const Vec3& point, const Vec3& normal, bool follows_b) {
+  const Vec3 at_a = a.velocity_at(point), at_b = b.velocity_at(point);
+  const Vec3 turn = (a.angular_velocity - b.angular_velocity).cross(normal);
+  // A ball on a flat face.
+  if (of_b.value == 0.0F && of_a.flat_along.isZero(0.0F)) return at_a + turn / of_a.value;
+  if (of_a.value == 0.0F && of_b.flat_along.isZero(0.0F)) return at_b + turn / of_b.value;
+  const Vec3 slip = at_a - at_b;
+  const Vec3 t = normal.unitOrthogonal(), u = normal.cross(t);
+  const Eigen::Vector2f slip_2(slip.dot(t), slip.dot(u));
+  const auto matrix = [&](const Curvature& c) -> Eigen::Matrix2f {
+    const Eigen::Vector2f flat(c.flat_along.dot(t), c.flat_along.dot(u));
+    return c.value * (Eigen::Matrix2f::Identity() - flat * flat.transpose());
+  };
+  const Eigen::Matrix2f k_b = matrix(of_b), k = matrix(of_a) + k_b;
+  const Eigen::Vector2f change = Eigen::Vector2f(turn.dot(t), turn.dot(u)) - k_b * slip_2;
+  constexpr float kFlat = 1e-3F;
+  const float trace = k.trace();
+  Eigen::Vector2f over_a;  // of the point over a's surface
+  if (k.determinant() > kFlat * trace * trace) {
+    over_a = k.inverse() * change;
+  } else {
+    const Eigen::Vector2f curved = (k(0, 0) > k(1, 1) ? k.col(0) : k.col(1)).normalized(),
+                          flat(-curved.y(), curved.x());
+    over_a = (curved.dot(change) / trace) * curved;
+    if (follows_b) over_a -= flat.dot(slip_2) * flat;
+  }
+  return at_a + over_a.x() * t + over_a.y() * u;
+}
+
+}  // namespace
+
+void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<std::size_t> b, float time_s,
+                         std::span<Contact> contacts) {
+  const Side side_a(bodies, a), side_b = b ? Side(bodies, *b) : Side();
+  const float turn = (side_a.angular_velocity - side_b.angular_velocity).norm();
+  if (turn * time_s > kMaxTurn) time_s = kMaxTurn / turn;
+  const bool follows_b = b && !bodies.is_static(*b) && bodies.bounding_radius[*b] < bodies.bounding_radius[a];
+  const Vec3 origin_a = bodies.origin(a), origin_b = b ? bodies.origin(*b) : Vec3(Vec3::Zero());
+  for (Contact& c : contacts) {
+    const Vec3 point = origin_a + c.anchor;
+    const Curvature of_a = curvature_at(bodies, a, c.anchor, c.normal);
+    const Curvature of_b = b ? curvature_at(bodies, *b, point - origin_b, -c.normal) : Curvature();
+    if (of_a.value + of_b.value == 0.0F) continue;
+    const Vec3 velocity = velocity_of_point(side_a, side_b, of_a, of_b, point, c.normal, follows_b);
+    c.anchor += time_s * (velocity - side_a.velocity);
+    c.anchor_time_s = time_s;
+  }
+}
+
+}  // namespace smartsurf::world

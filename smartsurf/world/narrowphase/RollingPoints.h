@@ -1,0 +1,28 @@
+// Where the contact points of round sides are when impulses act, by the kinematics of contact (Montana, "The
+// kinematics of contact and grasp", 1988).
+//
+// The contacts of a step are those of its begin. What rolls moves its contact points over both bodies in the
+// meantime: impulses with the levers of the begin lag, and drive what rocks.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+
+#include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/contact/Contact.h"
+
+namespace smartsurf::world {
+
+// True if the body has a round side and may roll on it.
+inline bool may_roll(const BodyStore& bodies, std::size_t body) {
+  return bodies.is_sphere[body] || bodies.shape[body]->is_axisymmetric();
+}
+
+// Moves the points of contacts of bodies a and b, one of which may_roll(), to where they are `time_s` after
+// the begin of the step, or earlier if they turn far by then. Anchors are from a's origin. b may be static,
+// or nothing for flat ground at rest.
+void move_rolling_points(const BodyStore&, std::size_t a, std::optional<std::size_t> b, float time_s,
+                         std::span<Contact>);
+
+}  // namespace smartsurf::world
