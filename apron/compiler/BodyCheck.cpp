@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <set>
+#include <span>
 #include <tuple>
 #include <utility>
 
@@ -187,6 +188,12 @@ struct Trial {
   Calls calls;
   std::optional<Errors> errors;  // those of all calls so far
 
+  std::span<const std::string> calls_from(std::size_t first, std::size_t count) const {
+    const std::span all(calls.all);
+    return all.subspan(first, std::min(count, all.size() - first));
+  }
+  bool is_free_of_errors() const { return errors && errors->empty(); }
+
   // Forgets the errors that a call did not have: if it is mixed, it has others in the same lines.
   void keep(const Errors& found, bool is_uniform) {
     const auto has_line = [&](const ErrorKey& error) {
@@ -293,16 +300,23 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
   }
   // What a body defines holds for the calls after it.
   std::ranges::stable_partition(trials, [](const Trial& trial) { return !trial.defines; });
-  for (std::size_t round = 0; !trials.empty(); ++round) {
+  // Most macros need one call. Each compilation has as many of the others.
+  const std::size_t calls_at_once = std::max<std::size_t>(trials.size(), 256);
+  for (std::size_t first = 0, count = 1; !trials.empty(); first += count) {
+    count = first == 0 || trials.back().defines ? 1 : std::max<std::size_t>(1, calls_at_once / trials.size());
     std::string calls;
-    for (const Trial& trial : trials) calls += trial.calls.all[round] + '\n';
+    for (const Trial& trial : trials)
+      for (const std::string& call : trial.calls_from(first, count)) calls += call + '\n';
     Round tried(options, reader, calls);
     std::vector<Trial> remaining;
-    for (std::uint32_t i = 0; i < trials.size(); ++i) {
-      Trial& trial = trials[i];
-      if (!tried.is_refused(i)) trial.keep(tried.errors(i), round < trial.calls.uniform);
-      if (trial.errors && trial.errors->empty()) continue;
-      if (round + 1 < trial.calls.all.size()) {
+    std::uint32_t number = 0;
+    for (Trial& trial : trials) {
+      const std::size_t end = first + trial.calls_from(first, count).size();
+      for (std::size_t call = first; call < end; ++call, ++number)
+        if (!trial.is_free_of_errors() && !tried.is_refused(number))
+          trial.keep(tried.errors(number), call < trial.calls.uniform);
+      if (trial.is_free_of_errors()) continue;
+      if (end < trial.calls.all.size()) {
         remaining.push_back(std::move(trial));
       } else if (trial.errors) {
         for (auto& [key, error] : *trial.errors) {
