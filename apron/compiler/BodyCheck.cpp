@@ -177,6 +177,18 @@ bool has_define(const Macro& macro) {
   });
 }
 
+// What a name that is made of an argument means is known in a real call alone.
+bool joins_arguments(const Macro& macro) {
+  return std::ranges::any_of(macro.body, [](const syntax::Line& line) {
+    const syntax::Tokens& tokens = line.tokens;
+    for (std::size_t i = 1; i + 1 < tokens.size(); ++i)
+      if (tokens[i].is("##") && (tokens[i - 1].kind == syntax::TokenKind::kParameter ||
+                                 tokens[i + 1].kind == syntax::TokenKind::kParameter))
+        return true;
+    return false;
+  });
+}
+
 using ErrorKey = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::string>;
 
 using Errors = std::map<ErrorKey, syntax::Diagnostic>;
@@ -294,7 +306,7 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
   std::vector<Trial> trials;
   Round program(options, reader, "");
   for (const syntax::MacroTable::Handle& macro : program.preprocessor().macros().all()) {
-    if (!is_installed(macro->location, program.sources()))
+    if (!is_installed(macro->location, program.sources()) && !joins_arguments(*macro))
       trials.push_back(
           {macro->name, macro->location, has_define(*macro), calls_of(*macro, program.preprocessor()), {}});
   }

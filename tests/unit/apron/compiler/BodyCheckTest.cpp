@@ -57,6 +57,12 @@ TEST(BodyCheck, FindsErrorsThatEveryCallHas) {
             "main.aps:18:10: error: operand 2 of 'move' must be an analogue register, not '3'\n");
 }
 
+TEST(BodyCheck, LeavesNamesThatAreMadeOfArgumentsToRealCalls) {
+  EXPECT_EQ(checked(macro("keep($a)", "$a ## _old = $a")), "");
+  EXPECT_EQ(checked(macro("$y = sum_of($stem)", "$y = $stem ## 0 + $stem ## 1")), "");
+  EXPECT_NE(checked(macro("f($a)", "part ## 1 = Missing")), "");
+}
+
 TEST(BodyCheck, AcceptsBodiesThatSomeArgumentsSuit) {
   for (const std::string& text :
        {macro("$y = f($a, $k)", "$y = filter.do($a, $k)"), macro("f($a, $op, $l)", "jumpif($a, $op, 3, $l)"),
