@@ -36,6 +36,8 @@ constexpr std::array kArguments = {kRegister,
                                    kLabel,
                                    std::string_view("VARIABLE"),
                                    std::string_view("REGISTER"),
+                                   kRegisters,
+                                   kNumbers,
                                    kIntegers[0],
                                    kIntegers[1],
                                    kIntegers[2]};

@@ -66,6 +66,7 @@ TEST(BodyCheck, LeavesNamesThatAreMadeOfArgumentsToRealCalls) {
 TEST(BodyCheck, AcceptsBodiesThatSomeArgumentsSuit) {
   for (const std::string& text :
        {macro("$y = f($a, $k)", "$y = filter.do($a, $k)"), macro("f($a, $op, $l)", "jumpif($a, $op, 3, $l)"),
+        macro("f($n, $many)", "A = $n * A + $many[3]"),
         macro("f($file, $a, $n)", "io.image.savecount($a, $file, $n)"),
         macro("f($class, $n)", "res.setvar($class, $n, 1)"), macro("$y = f($n)", "$y = globalsum($n)"),
         macro("f($s)", "!if($s != on)\n!error('write on')\n!endif"),
