@@ -244,8 +244,7 @@ class Round {
       const Location& at = error.location;
       const std::uint32_t call = call_number(at);
       if (call == kNone) continue;
-      // What the program refuses by !error may depend on what is set before.
-      if (is_appended(at) || error.is_stated)
+      if (is_appended(at) || error.is_conditional)
         refused_.insert(call);
       else
         errors_[call].emplace(ErrorKey{at.file, at.line, at.column, error.message}, std::move(error));

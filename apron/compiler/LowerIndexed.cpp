@@ -118,12 +118,19 @@ const std::vector<Symbol>& Lowering::array_argument(const Expression& expression
   return *array;
 }
 
+void Lowering::fail_conditionally(Location location, std::string message) {
+  diagnostics_.conditional_error(location, std::move(message));
+  throw AlreadyReported();
+}
+
 void Lowering::lower_matrix_product(const Expressions& arguments, Location location) {
   const std::vector<Symbol>&y = array_argument(arguments[0], true), &x = array_argument(arguments[1], true),
         &weights = array_argument(arguments[2], false);
   if (weights.size() != x.size() * y.size())
-    fail(arguments[2].location, "'matrix.product' of {} and {} registers takes {} scalars, and '{}' has {}",
-         y.size(), x.size(), x.size() * y.size(), display_name(arguments[2].text), weights.size());
+    fail_conditionally(
+        arguments[2].location,
+        fmt::format("'matrix.product' of {} and {} registers takes {} scalars, and '{}' has {}", y.size(),
+                    x.size(), x.size() * y.size(), display_name(arguments[2].text), weights.size()));
   std::vector<Value> all;
   for (const std::vector<Symbol>* array : {&y, &x})
     for (const Symbol& element : *array) all.push_back(element.value);
@@ -134,8 +141,9 @@ void Lowering::lower_matrix_product(const Expressions& arguments, Location locat
       fail(arguments[0].location, "'{}' is a value here and cannot be written",
            display_name(arguments[0].text));
     if (std::ranges::any_of(x, [&](const Symbol& other) { return other.value.index == element.value.index; }))
-      fail(location, "'matrix.product' writes '{}' and reads it: write another array",
-           display_name(arguments[0].text));
+      fail_conditionally(location,
+                         fmt::format("'matrix.product' writes '{}' and reads it: write another array",
+                                     display_name(arguments[0].text)));
   }
   const Value first = y.front().value;
   const std::optional<std::size_t> base = mask_base(first);

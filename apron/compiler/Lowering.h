@@ -158,6 +158,7 @@ class Lowering {
   Value lower_array_element(const Expression&);
   void assign_array_element(const Expression& target, const Value&, Location);
   const std::vector<Symbol>& array_argument(const Expression&, bool of_registers) const;
+  [[noreturn]] void fail_conditionally(Location, std::string message);
   void lower_matrix_product(const Expressions&, Location);
 
   // LowerExpression.cpp

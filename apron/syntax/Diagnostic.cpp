@@ -92,10 +92,10 @@ void Diagnostics::error(Location location, std::string message, std::vector<Note
   full_ = diagnostics_.size() >= max_errors_;
 }
 
-void Diagnostics::stated_error(Location location, std::string message) {
+void Diagnostics::conditional_error(Location location, std::string message) {
   const std::size_t count = diagnostics_.size();
   error(location, std::move(message));
-  if (diagnostics_.size() > count) diagnostics_.back().is_stated = true;
+  if (diagnostics_.size() > count) diagnostics_.back().is_conditional = true;
 }
 
 void Diagnostics::warning(Location location, std::string message) {

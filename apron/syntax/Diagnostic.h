@@ -20,7 +20,7 @@ struct Diagnostic {
   std::vector<Note> notes =
       {};  // "declared here" and the like; include and macro chains come from the location
   bool is_warning = false;
-  bool is_stated = false;  // by an `!error` of the program
+  bool is_conditional = false;  // see conditional_error()
 };
 
 inline constexpr std::size_t kMaxErrors = 20;
@@ -35,8 +35,8 @@ class Diagnostics {
 
   // Keeps an error once that is reported twice, as by a macro that is expanded twice, and at most kMaxErrors.
   void error(Location location, std::string message, std::vector<Note> notes = {});
-  // An error that the program states.
-  void stated_error(Location location, std::string message);
+  // One that a macro's body may not have in another call: by an `!error`, or for the sizes of arrays.
+  void conditional_error(Location location, std::string message);
   // Does not refuse the program. At most kMaxErrors are kept.
   void warning(Location location, std::string message);
   bool full() const noexcept { return full_; }

@@ -463,7 +463,7 @@ void Preprocessor::handle_error(const Tokens& tokens) {
     for (const Token& token : argument)
       text += token.kind == TokenKind::kString ? token.text : display_name(spelling(token));
   const std::uint32_t expansion = frames_.back().expansion;
-  diagnostics_.stated_error(
+  diagnostics_.conditional_error(
       frames_.back().macro != nullptr ? sources_.expansion(expansion).call : tokens.front().location, text);
 }
 
