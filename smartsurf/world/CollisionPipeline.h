@@ -188,7 +188,7 @@ class CollisionPipeline {
                        int member_count);
   void find_large_neighbours(const BodyStore&);
   void swap_supports(int bodies);
-  void move_points_of_rolling(const BodyStore&, std::size_t body, std::span<Contact>) const;
+  void move_static_points(const BodyStore&, std::size_t body, std::span<Contact>) const;
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
                     SlabResults& results) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);

@@ -145,7 +145,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), Manifold::kStatic, first, count});
   const auto contacts = std::span(out.contacts).subspan(first);
-  move_points_of_rolling(bodies, i, contacts);
+  move_static_points(bodies, i, contacts);
   anchor_at_centre_of_mass(bodies, i, contacts);
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
@@ -153,8 +153,8 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
 }
 
 // On the cells only an eccentric body's points leave their place on it.
-void CollisionPipeline::move_points_of_rolling(const BodyStore& bodies, std::size_t i,
-                                               std::span<Contact> contacts) const {
+void CollisionPipeline::move_static_points(const BodyStore& bodies, std::size_t i,
+                                           std::span<Contact> contacts) const {
   const bool is_eccentric = !bodies.is_sphere[i] && !bodies.origin_offset[i].isZero(0.0F);
   for (Contact& c : contacts) {
     const auto other = static_cast<std::size_t>(c.partner);
