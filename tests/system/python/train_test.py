@@ -148,6 +148,20 @@ class Training(ExperimentTest):
             self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
             self.assertIn(message, result.stderr)
 
+    def test_a_run_replaces_an_older_one(self):
+        old = self.folder / "out/events.out.tfevents.1.there.1.0"
+        old.parent.mkdir()
+        old.touch()
+        self.assertEqual(len(self.train(self.script(PLATE), "--iterations", 1, "--candidates", 2, "--runs", 1)), 1)
+        self.assertFalse(old.exists())
+
+    def test_adapters_need_no_import_of_their_own(self):
+        self.assertTrue(callable(smartsurf.formats.export))
+        for name, package in (("sb3", "stable_baselines3"), ("torchrl", "torchrl")):
+            if importlib.util.find_spec(package) is None:
+                with self.assertRaisesRegex(ImportError, f"smartsurf.{name} needs"):
+                    getattr(smartsurf, name)
+
     def test_every_task_is_found_by_name(self):
         for task in smartsurf.TASKS:
             self.assertEqual(training.find_task(task.id)[0], training.find_task(task.id.split("/")[1][:-3])[0])
@@ -239,8 +253,8 @@ class Training(ExperimentTest):
 
     @unittest.skipUnless(importlib.util.find_spec("stable_baselines3"), "no stable-baselines3: scripts/setup --learn installs it")
     def test_stable_baselines3_sees_the_same_worlds(self):
-        from smartsurf import sb3
         from stable_baselines3 import PPO
+        sb3 = smartsurf.sb3
         script = self.script(PLATE)
         envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep"))
         twin = smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep")
@@ -266,7 +280,7 @@ class Training(ExperimentTest):
     @unittest.skipUnless(importlib.util.find_spec("torchrl"), "torchrl is missing: scripts/setup --learn installs it")
     def test_torchrl_sees_the_same_worlds(self):
         import torch
-        from smartsurf import torchrl
+        torchrl = smartsurf.torchrl
         from torchrl.envs.utils import check_env_specs
         script = self.script(PLATE)
         envs = torchrl.Env(smartsurf.VectorEnv(script, 3, autoreset_mode="Disabled"))
