@@ -23,7 +23,7 @@ from ._tasks import TASKS, task_file
 from .run import RunError, run
 
 if TYPE_CHECKING:
-    from . import formats as formats, sb3 as sb3, torchrl as torchrl
+    from . import fmu as fmu, formats as formats, sb3 as sb3, torchrl as torchrl
     from ._core import Error, __version__
     from ._env import Env
     from ._live import attach
@@ -47,7 +47,7 @@ _MODULES = {"Camera": "._picture", "Video": "._picture", "Channel": "._surface",
             "__version__": "._core", "attach": "._live", "export_onnx": ".policy", "export_policy": ".policy",
             "load_extension": "._simulation"}
 
-_SUBMODULES = ("formats", "sb3", "torchrl")
+_SUBMODULES = ("fmu", "formats", "sb3", "torchrl")
 
 _NEEDS = {"Env": ("gymnasium", "._env"), "MinariCollector": ("gymnasium", "._minari"),
           "VectorEnv": ("gymnasium", "._vector"), "State": ("gymnasium", "._task"),
