@@ -9,7 +9,6 @@
 #include <fstream>
 #include <limits>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -63,7 +62,8 @@ class Instance {
     std::string line;
     if (!std::getline(file, line) || line != token)
       throw std::runtime_error("the instantiation token is not that of modelDescription.xml");
-    std::getline(file, script_);
+    file >> seed_;
+    std::getline(file >> std::ws, script_);
     while (std::getline(file, line)) set_.push_back(line);
     load();
   }
@@ -77,7 +77,7 @@ class Instance {
     options.file = file.c_str();
     options.set = set.data();
     options.set_count = set.size();
-    options.seed = seed_ ? &*seed_ : nullptr;
+    options.seed = &seed_;
     smartsurf_environment* made = nullptr;
     require(smartsurf_create(&options, &made));
     table_.reset(made);
@@ -127,7 +127,7 @@ class Instance {
       if (reference == kTime) return values.push_back(time_s_);
       if (reference == kReward) return values.push_back(result_.reward);
     } else if constexpr (std::is_same_v<T, std::uint64_t>) {
-      if (reference == kSeed) return values.push_back(seed_.value_or(now.seed));
+      if (reference == kSeed) return values.push_back(seed_);
       if (reference == kTick) return values.push_back(now.tick);
       if (reference == kStateHash) return values.push_back(now.hash);
     } else if constexpr (std::is_same_v<T, bool>) {
@@ -198,7 +198,7 @@ class Instance {
   std::vector<std::string> set_;
   void* environment_;
   fmi3LogMessageCallback log_;
-  std::optional<std::uint64_t> seed_;  // none: the script's
+  std::uint64_t seed_ = 0;
   std::unique_ptr<smartsurf_environment, decltype(&smartsurf_destroy)> table_{nullptr, smartsurf_destroy};
   std::vector<std::vector<float>> inputs_;  // of each actuator channel
   smartsurf_result result_{};               // of the latest step

@@ -23,6 +23,7 @@ from ._tasks import TASKS, task_file
 from .run import RunError, run
 
 if TYPE_CHECKING:
+    from . import fmu as fmu, formats as formats, sb3 as sb3, torchrl as torchrl
     from ._core import Error, __version__
     from ._env import Env
     from ._live import attach
@@ -46,6 +47,8 @@ _MODULES = {"Camera": "._picture", "Video": "._picture", "Channel": "._surface",
             "__version__": "._core", "attach": "._live", "export_onnx": ".policy", "export_policy": ".policy",
             "load_extension": "._simulation"}
 
+_SUBMODULES = ("fmu", "formats", "sb3", "torchrl")
+
 _NEEDS = {"Env": ("gymnasium", "._env"), "MinariCollector": ("gymnasium", "._minari"),
           "VectorEnv": ("gymnasium", "._vector"), "State": ("gymnasium", "._task"),
           "Task": ("gymnasium", "._task"), "TaskEnv": ("gymnasium", "._task"), "TaskVectorEnv": ("gymnasium", "._task"),
@@ -59,6 +62,8 @@ def __dir__() -> list[str]:
 
 if not TYPE_CHECKING:  # a name that does not exist is then an error of type checkers
     def __getattr__(name: str) -> Any:
+        if name in _SUBMODULES:
+            return importlib.import_module(f".{name}", __name__)
         if name in _MODULES:
             return getattr(importlib.import_module(_MODULES[name], __name__), name)
         # Gymnasium and PettingZoo are imported by those who use them.

@@ -4,11 +4,13 @@ Observations are normalised by their mean and deviation, rewards by the deviatio
 are generalised (Schulman et al. 2016); ratios and gradients are clipped; the learning rate falls to 0; an episode that
 ends by time goes on with the value of its last state, as CleanRL does all of these. The value is not clipped, which
 would keep it from its scale. It also sees the states of the objects and the goals (Pinto et al. 2018), since training
-alone needs it.
+alone needs it, and the last reward, from which it learns far sooner what rewards will come: advantages are then less
+its own error.
 
 Each cell's commands are an action of their own, with the world's advantage. Most of the noise depends on the state
 (Raffin et al. 2021): it is a random linear function of a cell's features, the same for all cells of a world and for
-some ticks. Noise of single cells would average out below an object, which lies on many.
+some ticks; of a network of the whole surface, of waves across the table. Noise of single cells would average out below
+an object, which lies on many.
 """
 from __future__ import annotations
 
@@ -45,6 +47,8 @@ class Moments:
         self._square, self._count = np.zeros_like(self._mean), 0.0
 
     def add(self, values: Floats) -> None:
+        if values.size == 0:  # a surface without sensors
+            return
         count = values.size / self._mean.size
         mean = values.mean(axis=self._axes, keepdims=True, dtype=np.float64)[0]
         square = ((values - mean) ** 2).sum(axis=self._axes, keepdims=True, dtype=np.float64)[0]
@@ -109,8 +113,11 @@ class Actor:
         kernel[1], kernel[:, 1] = neighbours > 0, neighbours > 0
         kernel[1, 1] = 1
         self._kernel = torch.tensor(np.ones((3, 3), np.float32) if neighbours == 8 else kernel)
-        # Features of the noise: 1, row and column, and what a local policy's last layer sees of the own cell.
-        self._features = 3 + (width if kind == "local" else 0)
+        # Features of the noise: 1, row and column, and what a local policy's last layer sees of the own cell; of other
+        # networks waves across the table, since a linear function hardly turns an object that is small beside it.
+        waves = [] if kind == "local" else [wave(np.pi * k * self._places) for k in (1, 2) for wave in (torch.sin, torch.cos)]
+        self._fields = torch.cat([torch.ones(1, rows, columns), self._places, *waves])
+        self._features = len(self._fields) + (width if kind == "local" else 0)
         shared, single = np.log(deviation) + 0.5 * np.log(np.maximum([together / self._features, 1 - together], 1e-6))
         self.log_deviation = nn.Parameter(torch.full((channels, self._features), float(shared)))
         self.log_single_deviation = nn.Parameter(torch.full((channels, 1, 1), float(single)))
@@ -125,8 +132,7 @@ class Actor:
         mean, deviation = torch.from_numpy(self._moments.mean), torch.from_numpy(self._moments.deviation)
         channels, rows, columns = self.action
         count = len(observation)
-        ones = torch.ones(1, rows, columns)
-        features = torch.cat([ones, self._places]).expand(count, 3, rows, columns)
+        features = self._fields.expand(count, *self._fields.shape)
         if self.kind != "local":
             value = (observation - mean) / deviation
             for number, layer in enumerate(self.layers):
@@ -206,6 +212,7 @@ class Learner:
         self._functions = self.actor.draw(worlds, self._generator)
         self._memory = torch.zeros(worlds, how.memory, envs.rows, envs.columns)
         self._fresh = np.ones(worlds, np.bool_)
+        self._last_reward = np.zeros((worlds, 2), np.float32)  # and 1 if there is one in this episode
         envs.objects  # from now on the batch writes their states
         self._observe(envs.reset(seed=how.seed)[0])
         self.judged_moments = Moments(self._judged.shape[1:], 1e-2)
@@ -226,6 +233,7 @@ class Learner:
         parts = observation.values() if isinstance(observation, dict) else [observation]
         goals = envs._judge.goals.values() if isinstance(envs, TaskVectorEnv) else []
         known = [np.asarray(part, np.float32).reshape(worlds, -1) for part in (envs._object_states, *goals, *parts)]
+        known.append(self._last_reward)
         self._judged = np.nan_to_num(np.concatenate(known, axis=1))
         self._seen = planes if self._sees_planes else np.array(observation, np.float32)
 
@@ -259,6 +267,7 @@ class Learner:
             if (again == decision).any():
                 self._running[again == decision] = 0
                 self._fresh = self._fresh | (again == decision)
+                self._last_reward[again == decision] = 0
                 self._observe(self.envs.reset(options={"reset_mask": again == decision})[0])
 
     def rollout(self, decisions: int) -> dict[str, Any]:
@@ -286,6 +295,7 @@ class Learner:
             reward, over = np.zeros(worlds), np.zeros(worlds, np.bool_)
             for _ in range(how.hold):
                 observation, tick_reward, terminated, truncated, infos = self.envs.step(commands)
+                self._last_reward = np.stack([np.nan_to_num(tick_reward), np.ones(worlds)], axis=1).astype(np.float32)
                 # Those of the next episode count from its first decision on.
                 tick_reward = np.where(over, 0, np.nan_to_num(tick_reward))
                 reward += tick_reward / how.hold
@@ -308,6 +318,7 @@ class Learner:
             out["rewards"].append(reward)
             out["ends"].append(over)
             self._fresh = over
+            self._last_reward[over] = 0
             self._observe(observation)
         return out
 

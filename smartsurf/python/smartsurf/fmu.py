@@ -112,7 +112,7 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
         except ValueError:
             raise FmuError(f"fmu --with {file}: must lie below {script.resolve().parent}, where the script finds its files") from None
         contents[name] = file.read_bytes()
-    start = "\n".join([script.name, *set, ""])
+    start = "\n".join([str(simulation.seed), script.name, *set, ""])
     token = hashlib.sha256(b"\0".join([__version__.encode(), start.encode(), *(n.encode() + b"\0" + c for n, c in contents.items())]))
     system = {"x86_64": "x86_64-linux", "aarch64": "aarch64-linux"}[platform.machine()]
     members = {"modelDescription.xml": _description(script.stem, token.hexdigest(), simulation).encode(),

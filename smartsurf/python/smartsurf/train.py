@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("task", metavar="TASK")
     parser.add_argument("--method", choices=("cem", "ppo"), default="cem", help="[cem]")
     parser.add_argument("--policy", choices=("local", "cnn", "mlp"), default="local", help="cem: local only [local]")
-    parser.add_argument("--hidden", type=_sizes, metavar="N,…", help="units of the hidden layers, 0 for none [cem 4, ppo 16]")
+    parser.add_argument("--hidden", type=_sizes, metavar="N,…", help="units of the hidden layers, 0 for none [cem 4, ppo 16, mlp 64]")
     parser.add_argument("--iterations", type=_whole, default=30, help="generations or updates [30]")
     parser.add_argument("--seed", type=int, default=1, help="of everything random [1]")
     parser.add_argument("--neighbours", type=int, choices=(0, 4, 8), help="that each cell of a local policy reads [cem 4, ppo 8]")
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if how.method == "cem" and how.policy != "local":
         parser.error(f"--policy {how.policy}: --method cem searches local policies; use --method ppo")
     if how.hidden is None:
-        how.hidden = (4,) if how.method == "cem" else (16,)
+        how.hidden = (4,) if how.method == "cem" else (64,) if how.policy == "mlp" else (16,)
     if how.neighbours is None:
         how.neighbours = 4 if how.method == "cem" else 8
     if how.memory < 0 or how.memory and how.policy != "local":

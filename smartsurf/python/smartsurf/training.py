@@ -128,6 +128,8 @@ class Log:
 
     def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace):
         folder.mkdir(parents=True, exist_ok=True)
+        for old in folder.glob("events.out.tfevents.*"):  # TensorBoard would draw both runs as one
+            old.unlink()
         self._tester = Tester(make, how.test, how.threads) if how.test else None
         self._file = open(folder / "curve.csv", "w", newline="")
         self._rows = csv.DictWriter(self._file, self.FIELDS)

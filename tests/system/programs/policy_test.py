@@ -1,4 +1,5 @@
 """smartsurf.export_policy: the APRON program of a local policy is local, and commands the same to the bit as NumPy."""
+import shutil
 import sys
 
 from programs import *
@@ -31,23 +32,24 @@ class Policy(ProgramTest):
         vector = np.random.default_rng(5).standard_normal(size) * scale
         return LocalPolicy.from_vector(vector, inputs, ACTIONS, hidden, memory, steps, diagonal)
 
-    def commands(self, policy):
-        """Runs the exported program → sensors and commands, each channel → (ticks, rows, columns)."""
+    def commands(self, policy, tile=None):
+        """Runs the exported program, with tile on boards → sensors and commands, each channel → (ticks, rows, columns)."""
         program = str(self.folder / "policy.aps")
         export_policy(policy, program)
         status, out, err = self.run_program(APRON, "check", "--profile", "local", program)
         self.assertEqual((status, err), (0, ""), out + err)
         self.assertIn("every instruction is local", out)
         self.assertEqual(self.run_program(APRON, "fmt", "--check", program)[0], 0)
-        status, _, err = self.run_program(SMARTSURF, "run", self.write("table.lua", TABLE), "--controller", program, "--ticks", "90",
-                                          "--record", "run.h5")
-        self.assertEqual(status, 0, err)
+        run = (SMARTSURF, "run", self.write("table.lua", TABLE), "--controller", program) if tile is None else (
+            sys.executable, str(ROOT / "scripts/boards/boards"), self.write("table.lua", TABLE), program, "--bin", str(BIN), "--tile", tile)
+        status, out, err = self.run_program(*run, "--ticks", "90", "--record", "run.h5")
+        self.assertEqual(status, 0, out + err)
         with h5py.File(self.folder / "run.h5") as file:
             sensors = {name: np.moveaxis(data[:], -1, 1) if data.ndim == 4 else data[:] for name, data in file["sensors"].items()}
             return sensors, {name: data[:] for name, data in file["actuators"].items()}
 
-    def assert_same_bits(self, policy):
-        sensors, commands = self.commands(policy)
+    def assert_same_bits(self, policy, tile=None):
+        sensors, commands = self.commands(policy, tile)
         ticks = len(commands["spin_x"])
         self.assertGreater(ticks, 60)
         for tick in range(ticks - 1):  # the answer to a frame is recorded with the next one
@@ -71,6 +73,11 @@ class Policy(ProgramTest):
         export_policy(self.policy(hidden=(2,), memory=1, steps=2, diagonal=True), program)
         status, out, err = self.run_program(APRON, "compile", program, "--target", "c", "--size", "8x8", "--tile", "4x4", "-o", "policy.c")
         self.assertEqual(status, 0, out + err)
+
+    @unittest.skipUnless(shutil.which("cc"), "no C compiler")
+    def test_boards_command_the_same_bits(self):
+        self.assert_same_bits(self.policy(), tile="7x3")
+        self.assert_same_bits(self.policy(hidden=(3,), memory=2, scale=0.25, steps=2, diagonal=True), tile="7x3")
 
     def test_single_layer_and_sparse_kernels(self):
         kernel = np.zeros((2, 2, 3, 3), np.float32)

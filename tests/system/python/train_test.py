@@ -148,6 +148,20 @@ class Training(ExperimentTest):
             self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
             self.assertIn(message, result.stderr)
 
+    def test_a_run_replaces_an_older_one(self):
+        old = self.folder / "out/events.out.tfevents.1.there.1.0"
+        old.parent.mkdir()
+        old.touch()
+        self.assertEqual(len(self.train(self.script(PLATE), "--iterations", 1, "--candidates", 2, "--runs", 1)), 1)
+        self.assertFalse(old.exists())
+
+    def test_adapters_need_no_import_of_their_own(self):
+        self.assertTrue(callable(smartsurf.formats.export))
+        for name, package in (("sb3", "stable_baselines3"), ("torchrl", "torchrl")):
+            if importlib.util.find_spec(package) is None:
+                with self.assertRaisesRegex(ImportError, f"smartsurf.{name} needs"):
+                    getattr(smartsurf, name)
+
     def test_every_task_is_found_by_name(self):
         for task in smartsurf.TASKS:
             self.assertEqual(training.find_task(task.id)[0], training.find_task(task.id.split("/")[1][:-3])[0])
@@ -197,6 +211,41 @@ class Training(ExperimentTest):
             np.testing.assert_allclose(moments.deviation.ravel(), np.ravel(every.std(axis=axes)), rtol=1e-4)
 
     @needs_torch
+    def test_networks_of_the_whole_surface_explore_turns_of_small_objects(self):
+        import torch
+        from smartsurf import _ppo
+        actor = _ppo.Actor("mlp", (5,), (4,), (2, 16, 16), 0, 8, _ppo.Moments((5,), 1e-4), 0.5, 0.9)
+        _, _, features = actor(torch.zeros(400, 5), None)
+        noise = actor.noise(actor.draw(400, torch.Generator().manual_seed(1)), features, torch.Generator()).detach().numpy()
+        across = noise[:, :, 10:12, 7:9].mean(axis=(2, 3)) - noise[:, :, 4:6, 7:9].mean(axis=(2, 3))  # of an object of 6 cells
+        self.assertGreater(across.std(), noise[:, :, 7:9, 7:9].mean(axis=(2, 3)).std())
+
+    @needs_torch
+    def test_the_value_sees_the_last_reward(self):
+        """Else it would not know what no sensor and no object tells."""
+        from unittest import mock
+        from smartsurf import _ppo, train
+        script = self.script("""
+            surface { rows = 2, columns = 3, actuator = pin {} }
+            local worth
+            on_reset(function() worth = random(-1, 1) end)
+            episode { seconds = 0.5 }
+            reward(function() return worth end)""")
+        (self.folder / "out").mkdir()
+        with mock.patch.object(_ppo, "train") as called:
+            train.main([script, "--method", "ppo", "--hold", "1", "--horizon", "16", "--threads", "1", "-o", str(self.folder / "out")])
+        learner = _ppo.Learner(*called.call_args.args[:2])
+        learner.warm_up()
+        for _ in range(8):
+            rollout = learner.rollout(16)
+            learner.learn_statistics(rollout)
+            learner.update(rollout, 1.0, policy=False)
+        values = np.stack([learner.value(judged).detach().numpy() for judged in rollout["judged"]])
+        known = ~np.stack([fresh.numpy() for fresh in rollout["fresh"]])
+        self.assertGreater(np.corrcoef(values[known], np.array(rollout["rewards"])[known])[0, 1], 0.95)
+        learner.envs.close()
+
+    @needs_torch
     def test_convolutions_become_local_policies(self):
         import torch
         random, rows, columns = np.random.default_rng(6), 5, 7
@@ -239,8 +288,8 @@ class Training(ExperimentTest):
 
     @unittest.skipUnless(importlib.util.find_spec("stable_baselines3"), "no stable-baselines3: scripts/setup --learn installs it")
     def test_stable_baselines3_sees_the_same_worlds(self):
-        from smartsurf import sb3
         from stable_baselines3 import PPO
+        sb3 = smartsurf.sb3
         script = self.script(PLATE)
         envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep"))
         twin = smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep")
@@ -266,7 +315,7 @@ class Training(ExperimentTest):
     @unittest.skipUnless(importlib.util.find_spec("torchrl"), "torchrl is missing: scripts/setup --learn installs it")
     def test_torchrl_sees_the_same_worlds(self):
         import torch
-        from smartsurf import torchrl
+        torchrl = smartsurf.torchrl
         from torchrl.envs.utils import check_env_specs
         script = self.script(PLATE)
         envs = torchrl.Env(smartsurf.VectorEnv(script, 3, autoreset_mode="Disabled"))
