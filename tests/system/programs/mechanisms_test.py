@@ -117,7 +117,8 @@ class Mechanisms(ProgramTest):
                                                 engine)
             self.assertEqual(status, 0, err)
             ball, capsule, stays, falls = (float(number) for number in re.findall(r"-?\d+\.\d+", out))
-            self.assertGreater(min(ball, capsule), 0.98)
+            # Rolling friction of 0.1 and a gap of 0.2 between two tops hold a tilt of up to (0.1 · 1 + 0.1) / 0.6.
+            self.assertGreater(min(ball, capsule), 0.94)
             self.assertAlmostEqual(stays, 4.25, delta=0.02)
             self.assertLess(falls, 3.5)
 
