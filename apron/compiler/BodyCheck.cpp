@@ -179,7 +179,7 @@ bool has_define(const Macro& macro) {
   });
 }
 
-// What a name that is made of an argument means is known in a real call alone.
+// Only a real call tells what a name that is made of an argument means.
 bool joins_arguments(const Macro& macro) {
   return std::ranges::any_of(macro.body, [](const syntax::Line& line) {
     const syntax::Tokens& tokens = line.tokens;
@@ -313,7 +313,7 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
   }
   // What a body defines holds for the calls after it.
   std::ranges::stable_partition(trials, [](const Trial& trial) { return !trial.defines; });
-  // Most macros need one call. Each compilation has as many of the others.
+  // Most macros need one call. The many calls of the others share compilations, each of the whole program.
   const std::size_t calls_at_once = std::max<std::size_t>(trials.size(), 256);
   for (std::size_t first = 0, count = 1; !trials.empty(); first += count) {
     count = first == 0 || trials.back().defines ? 1 : std::max<std::size_t>(1, calls_at_once / trials.size());

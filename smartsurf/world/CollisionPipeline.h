@@ -35,7 +35,7 @@ class CollisionPipeline {
   CollisionPipeline(const surface::Field& field, float dt_s, int substeps, float ground)
       : field_(field),
         dt_s_(dt_s),
-        mean_substep_begin_s_(0.5F * dt_s * static_cast<float>(substeps - 1) / static_cast<float>(substeps)),
+        mean_substep_start_s_(0.5F * dt_s * static_cast<float>(substeps - 1) / static_cast<float>(substeps)),
         ground_height_(ground),
         collider_(field),
         field_cache_(field) {}
@@ -215,7 +215,7 @@ class CollisionPipeline {
 
   const surface::Field& field_;
   float dt_s_;
-  float mean_substep_begin_s_;  // from that of the step: when impulses act on average
+  float mean_substep_start_s_;  // when impulses act on average, from the start of the step
   float ground_height_;
   FieldCollider collider_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale

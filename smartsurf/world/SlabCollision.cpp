@@ -152,16 +152,17 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
 }
 
-// On the cells only an eccentric body's points leave their place on it.
+// Moves the points of a body's contacts with what is static. On cells only those of an eccentric body leave
+// their place on it.
 void CollisionPipeline::move_static_points(const BodyStore& bodies, std::size_t i,
                                            std::span<Contact> contacts) const {
   const bool is_eccentric = !bodies.is_sphere[i] && !bodies.origin_offset[i].isZero(0.0F);
   for (Contact& c : contacts) {
     const auto other = static_cast<std::size_t>(c.partner);
     if (c.touches_body() && !bodies.is_sphere[i] && may_roll(bodies, other))
-      move_rolling_points(bodies, i, other, mean_substep_begin_s_, {&c, 1});
+      move_rolling_points(bodies, i, other, mean_substep_start_s_, {&c, 1});
     else if (is_eccentric && may_roll(bodies, i))
-      move_rolling_points(bodies, i, std::nullopt, mean_substep_begin_s_, {&c, 1});
+      move_rolling_points(bodies, i, std::nullopt, mean_substep_start_s_, {&c, 1});
   }
 }
 
@@ -310,7 +311,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   const auto contacts = std::span(pair_contacts.contacts).subspan(first);
   const bool both_spheres = bodies.is_sphere[a] && bodies.is_sphere[b];
   if (!is_swept && !both_spheres && (may_roll(bodies, a) || may_roll(bodies, b)))
-    move_rolling_points(bodies, a, b, mean_substep_begin_s_, contacts);
+    move_rolling_points(bodies, a, b, mean_substep_start_s_, contacts);
   anchor_at_centre_of_mass(bodies, a, contacts);
   // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];

@@ -241,7 +241,7 @@ class OnBody : public testing::TestWithParam<int> {
     turning.angular_velocity = Eigen::Vector3d(0, 0, rate);
     fixture.world().place(carrier, turning);
   }
-  // Of the points of a rectangle, from its middle.
+  // The mean distance of a rectangle's points from its middle.
   static double mean_radius_of(double length, double width) {
     double sum = 0;
     constexpr int kParts = 200;
@@ -249,6 +249,26 @@ class OnBody : public testing::TestWithParam<int> {
       for (int k = 0; k < kParts; ++k)
         sum += std::hypot(((i + 0.5) / kParts - 0.5) * length, ((k + 0.5) / kParts - 0.5) * width);
     return sum / (kParts * kParts);
+  }
+  // A box or disc that lies on the carrier, and the mean radius and the squared radius of gyration of its
+  // face.
+  struct Face {
+    scene::ObjectSpec object;
+    const char* kind;
+    double mean_radius, gyration_squared;
+  };
+  template <class Draw>
+  static Face draw_face(PhysicsFixture& fixture, scene::ObjectId carrier, double friction,
+                        double greatest_height, const Draw& draw) {
+    const bool is_disc = draw(0, 1) < 0.4;
+    const Eigen::Vector3d size(draw(1, 3), draw(1, 3), draw(0.3, greatest_height)),
+        at(kMiddle + draw(-3, 3), kMiddle + draw(-3, 3), top(fixture, carrier) + 0.5 * size.z());
+    Face face =
+        is_disc ? Face{cylinder(0.5 * size.x(), size.z(), at), "disc", size.x() / 3, size.x() * size.x() / 8}
+                : Face{box(size, at), "box", mean_radius_of(size.x(), size.y()),
+                       size.head<2>().squaredNorm() / 12};
+    face.object.friction = friction;
+    return face;
   }
   static double top(PhysicsFixture& fixture, scene::ObjectId carrier) {
     return static_cast<double>(fixture.position(carrier).z()) + 0.5;
@@ -320,22 +340,17 @@ TEST_P(OnBody, CylindersRollAtTwoThirdsOfTheirSpeed) {
 // A face that spins on another is slowed by Σ µ·p·r over its area.
 TEST_P(OnBody, FacesSlowATwistAsTheirAreaDoes) {
   on_random_bodies(6, 12, [](PhysicsFixture& fixture, scene::ObjectId carrier, double friction, auto draw) {
-    const bool is_disc = draw(0, 1) < 0.4;
-    const Eigen::Vector3d size(draw(1, 3), draw(1, 3), draw(0.3, 1)),
-        at(kMiddle + draw(-3, 3), kMiddle + draw(-3, 3), top(fixture, carrier) + 0.5 * size.z());
-    scene::ObjectSpec spinner = is_disc ? cylinder(0.5 * size.x(), size.z(), at) : box(size, at);
-    spinner.friction = friction;
+    Face face = draw_face(fixture, carrier, friction, 1, draw);
     const double spin = draw(8, 20);
-    spinner.angular_velocity = {0, 0, spin};
-    const double mean_radius = is_disc ? size.x() / 3 : mean_radius_of(size.x(), size.y()),
-                 gyration_squared = is_disc ? size.x() * size.x() / 8 : size.head<2>().squaredNorm() / 12;
-    const double slows = friction * kGravity * mean_radius / gyration_squared, seconds = 0.6 * spin / slows;
-    const scene::ObjectId id = fixture.add(spinner);
+    face.object.angular_velocity = {0, 0, spin};
+    const double slows = friction * kGravity * face.mean_radius / face.gyration_squared,
+                 seconds = 0.6 * spin / slows;
+    const scene::ObjectId id = fixture.add(face.object);
     fixture.run(seconds);
     EXPECT_NEAR(static_cast<double>(fixture.angular_velocity(id).z()), 0.4 * spin,
                 0.6 * spin * (0.01 + 1.0 / (seconds * GetParam())))
-        << (is_disc ? "disc" : "box") << ", spin " << spin << ", friction " << friction;
-    EXPECT_LT((fixture.position(id).cast<double>() - at).head<2>().norm(), 0.02);
+        << face.kind << ", spin " << spin << ", friction " << friction;
+    EXPECT_LT((fixture.position(id).cast<double>() - face.object.position).head<2>().norm(), 0.02);
   });
 }
 
@@ -343,18 +358,14 @@ TEST_P(OnBody, FacesSlowATwistAsTheirAreaDoes) {
 // ellipse of both leaves.
 TEST_P(OnBody, FacesBearATwistAsTheirAreaDoes) {
   on_random_bodies(7, 24, [](PhysicsFixture& fixture, scene::ObjectId carrier, double friction, auto draw) {
-    const bool is_disc = draw(0, 1) < 0.4;
-    const Eigen::Vector3d size(draw(1, 3), draw(1, 3), draw(0.3, 0.6)),
-        at(kMiddle + draw(-3, 3), kMiddle + draw(-3, 3), top(fixture, carrier) + 0.5 * size.z());
-    scene::ObjectSpec object = is_disc ? cylinder(0.5 * size.x(), size.z(), at) : box(size, at);
-    object.mass = draw(0.5, 3), object.friction = friction;
-    const double mean_radius = is_disc ? size.x() / 3 : mean_radius_of(size.x(), size.y());
+    Face face = draw_face(fixture, carrier, friction, 0.6, draw);
+    face.object.mass = draw(0.5, 3);
     const double force = draw(0, 1) < 0.5 ? 0.0 : draw(0.2, 0.8), share = draw(0, 1) < 0.5 ? 0.9 : 1.1,
-                 limit = friction * *object.mass * kGravity, direction = draw(-3.1, 3.1);
-    const scene::ObjectId id = fixture.add(object);
+                 limit = friction * *face.object.mass * kGravity, direction = draw(-3.1, 3.1);
+    const scene::ObjectId id = fixture.add(face.object);
     fixture.run(0.5);
     const double push = share * force * limit,
-                 torque = share * std::sqrt(1 - force * force) * limit * mean_radius;
+                 torque = share * std::sqrt(1 - force * force) * limit * face.mean_radius;
     const auto drive = [&] {
       surface::Wrench& wrench = fixture.world().wrenches()[fixture.world().bodies().size() - 1];
       wrench.force = (push * Eigen::Vector3d(std::cos(direction), std::sin(direction), 0)).cast<float>();
@@ -362,13 +373,12 @@ TEST_P(OnBody, FacesBearATwistAsTheirAreaDoes) {
     };
     drive();
     fixture.run(2.0, drive);
-    const double spin = fixture.angular_velocity(id).z(), speed = fixture.velocity(id).head<2>().norm();
+    const double spin = fixture.angular_velocity(id).z(), speed = fixture.velocity(id).head<2>().norm(),
+                 moves = std::abs(spin) * face.mean_radius + speed;
     if (share < 1)
-      EXPECT_LT(std::abs(spin) * mean_radius + speed, 0.005)
-          << (is_disc ? "disc, force " : "box, force ") << force;
+      EXPECT_LT(moves, 0.005) << face.kind << ", force " << force;
     else
-      EXPECT_GT(std::abs(spin) * mean_radius + speed, 0.05)
-          << (is_disc ? "disc, force " : "box, force ") << force;
+      EXPECT_GT(moves, 0.05) << face.kind << ", force " << force;
   });
 }
 

@@ -4,8 +4,8 @@ Observations are normalised by their mean and deviation, rewards by the deviatio
 are generalised (Schulman et al. 2016); ratios and gradients are clipped; the learning rate falls to 0; an episode that
 ends by time goes on with the value of its last state, as CleanRL does all of these. The value is not clipped, which
 would keep it from its scale. It also sees the states of the objects and the goals (Pinto et al. 2018), since training
-alone needs it, and the last reward, from which it learns far sooner what rewards will come: advantages are then less
-its own error.
+alone needs it, and the last reward, from which it soon learns what rewards will come: advantages have less of its
+error.
 
 Each cell's commands are an action of their own, with the world's advantage. Most of the noise depends on the state
 (Raffin et al. 2021): it is a random linear function of a cell's features, the same for all cells of a world and for

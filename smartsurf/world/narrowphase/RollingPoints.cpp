@@ -10,7 +10,7 @@ namespace {
 // Points are moved along straight lines, up to this angle of the bodies, rad.
 constexpr float kMaxTurn = 0.5F;
 
-// Of a body's surface at a contact, in the tangent plane.
+// The curvature of a body's surface at a contact, in the tangent plane.
 struct Curvature {
   float value = 0.0F;        // 1/u; 0: flat
   Vec3 flat_along{0, 0, 0};  // unit, the direction without curvature; 0: curved in all

@@ -1,8 +1,8 @@
 // Where the contact points of round sides are when impulses act, by the kinematics of contact (Montana, "The
 // kinematics of contact and grasp", 1988).
 //
-// The contacts of a step are those of its begin. What rolls moves its contact points over both bodies in the
-// meantime: impulses with the levers of the begin lag, and drive what rocks.
+// Contacts are found at the start of a step. What rolls moves its contact points over both bodies meanwhile:
+// impulses with the levers of the start lag behind, and drive what rocks.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ inline bool may_roll(const BodyStore& bodies, std::size_t body) {
 }
 
 // Moves the points of contacts of bodies a and b, one of which may_roll(), to where they are `time_s` after
-// the begin of the step, or earlier if they turn far by then. Anchors are from a's origin. b may be static,
+// the start of the step, or earlier if they turn far by then. Anchors are from a's origin. b may be static,
 // or nothing for flat ground at rest.
 void move_rolling_points(const BodyStore&, std::size_t a, std::optional<std::size_t> b, float time_s,
                          std::span<Contact>);

@@ -50,7 +50,7 @@ struct alignas(64) BatchPointDetail {
   // contact, because the point has moved since the start of the step.
   float surface_velocity[3][kLanes];
   float surface_spin[kLanes];
-  float anchor_time[kLanes];  // Contact::anchor_time_s; of pairs that are no spheres
+  float anchor_time[kLanes];  // Contact::anchor_time_s; for pairs, not for spheres
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
   float twist_friction_loss[kLanes];  // see Contact; not for spheres
   float steady_impulse[kLanes];       // normal: see SubstepParams::steady_share; not for spheres

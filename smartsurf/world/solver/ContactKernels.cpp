@@ -210,7 +210,7 @@ void for_each_point(const ContactBatch* batches, int count, BatchPoints points, 
     }
 }
 
-// Lowers the friction of the corners of a face patch by what the last friction was a twist: see
+// Lowers the friction of a face patch's corners by the share of a twist in the patch's last friction: see
 // Contact::twist_friction_loss.
 template <bool kPair, bool kSpheres>
 HWY_INLINE void lower_friction_of_twist(const ContactLanes<kPair, kSpheres>& l, const ContactBatch& o,

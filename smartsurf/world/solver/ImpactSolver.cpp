@@ -498,8 +498,8 @@ void ImpactSolver::take_changes() {
 float ImpactSolver::greatest_of_members(float value, const Member& member) {
   if (member.member_count == 1) return value;
   MemberState& own = members_[member.index];
-  const std::uint32_t slot =
-      own.sweep++ % 2;  // a member reads the results of one sweep while others write the next
+  // A member reads the results of one sweep while others write the next.
+  const std::uint32_t slot = own.sweep++ % 2;
   own.result[slot] = value;
   member.arrive_and_wait();
   for (const MemberState& m : members_) value = std::max(value, m.result[slot]);

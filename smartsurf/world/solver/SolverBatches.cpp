@@ -178,7 +178,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
   const std::vector<Vec3>& position = context.bodies.position;
   struct Lanes {
     float radius_a[kLanes] = {}, radius_b[kLanes] = {}, friction[kLanes] = {}, rolling_friction[kLanes] = {};
-    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {}, velocity_to_a[3][kLanes] = {};
+    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {}, relative_velocity[3][kLanes] = {};
   } lanes;
   const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
     const SurfaceMaterial& a = material_[o.a[lane]];
@@ -205,7 +205,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     o.has_face_patch |= m.count > 1 && of.first[lane]->twist_friction_loss > 0.0F;
     store(lanes.position_a, lane, position[m.a]);
     store(lanes.position_b, lane, position[m.b]);
-    store(lanes.velocity_to_a, lane, context.bodies.velocity(m.a) - context.bodies.velocity(m.b));
+    store(lanes.relative_velocity, lane, context.bodies.velocity(m.a) - context.bodies.velocity(m.b));
   }
   for (int k = 0; k < o.point_count; ++k) {
     BatchPoint& p = point_[o.first_point + k];
@@ -254,7 +254,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
           put(anchor[i], d.anchor_a[i]);
           if (of_pairs)
             put((load4(lanes.position_a[i] + lane) + anchor[i]) - load4(lanes.position_b[i] + lane) +
-                    time * load4(lanes.velocity_to_a[i] + lane),
+                    time * load4(lanes.relative_velocity[i] + lane),
                 d.anchor_b[i]);
         }
       }
