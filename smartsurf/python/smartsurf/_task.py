@@ -111,6 +111,10 @@ class Task:
             for meant in difflib.get_close_matches(name, _ATTRIBUTES, 1, 0.8):
                 if name != meant and isinstance(value, _ATTRIBUTES[meant]):
                     raise TypeError(f"{cls.__name__}.{name}: a Task has no such attribute (did you mean '{meant}'?)")
+            # Beside a function of the right name, one of a name that is close to it is a helper.
+            for meant in difflib.get_close_matches(name, _FUNCTIONS, 1, 0.8):
+                if name != meant and callable(value) and getattr(cls, meant) is getattr(Task, meant):
+                    raise TypeError(f"{cls.__name__}.{name}: a Task has no such function (did you mean '{meant}'?)")
 
     def reward(self, state: State) -> Array:
         """The reward of a step, (worlds,)."""
@@ -153,6 +157,7 @@ class Task:
 # What a Task declares besides functions, and the types by which a misspelt name is told from a constant of the user's.
 _ATTRIBUTES: Mapping[str, Any] = {"script": (str, os.PathLike), "scene": str, "set": Mapping, "parameters": Mapping,
                                   "randomise": Mapping, "goals": Mapping, "episode_seconds": (int, float), "arrays": str}
+_FUNCTIONS = ("reward", "success", "failure", "observation", "metrics")
 
 
 def planes(state: State) -> Array:
@@ -257,7 +262,11 @@ class _Judge:
 def _goal_range(name: str, given: Any) -> tuple[Numbers, Numbers]:
     if not isinstance(given, (tuple, list)) or len(given) != 2:
         raise ValueError(f"goals: {name} = {given!r}: must be (low, high)")
-    shape = np.broadcast_shapes(*(real_array(f"goals: {name}", end).shape for end in given))
+    low, high = (real_array(f"goals: {name}", end).shape for end in given)
+    try:
+        shape = np.broadcast_shapes(low, high)
+    except ValueError:
+        raise ValueError(f"goals: {name}: low, of shape {low}, and high, of shape {high}, do not broadcast") from None
     return _parameters.limits(f"goals: {name}", given, shape, False)
 
 

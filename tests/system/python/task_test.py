@@ -273,6 +273,7 @@ class Tasks(ExperimentTest):
                 (changed(script="a.lua"), "give either"),
                 (changed(goals={"level": 3}), r"goals: level = 3: must be \(low, high\)"),
                 (changed(goals={"level": (2, 1)}), "low must not be above high"),
+                (changed(goals={"level": ((0, 0, 0), (1, 1))}), r"goals: level: low, of shape \(3,\), and high, of shape \(2,\)"),
                 (changed(arrays="cupy"), "arrays = 'cupy': must be"),
                 (changed(randomise={"object.cup.mass": (1, 2)}), "no 'cup'"),
                 (changed(parameters={"surface.friction": -1}), "friction = -1"),
@@ -304,6 +305,11 @@ class Tasks(ExperimentTest):
         for name, value in (("randomize", {"object.box.mass": (1, 2)}), ("goal", {"level": (0, 1)}), ("episode_second", 3)):
             with self.assertRaisesRegex(TypeError, rf"Mine.{name}: a Task has no such attribute \(did you mean '(randomise|goals|episode_seconds)'"):
                 type("Mine", (Sensed,), {name: value})
+        judge = lambda self, state: np.zeros(len(state.time))
+        for name, meant in (("sucess", "success"), ("rewards", "reward"), ("obervation", "observation")):
+            with self.assertRaisesRegex(TypeError, rf"Mine.{name}: a Task has no such function \(did you mean '{meant}'"):
+                type("Mine", (smartsurf.Task,), {name: judge})
+            type("Mine", (smartsurf.Task,), {name: judge, meant: judge})  # a helper
         type("Mine", (Sensed,), {"goal": (3, 4), "scale": 2, "array": np.zeros(3), "setup": lambda self: 0})
 
     def test_torch(self):
