@@ -57,14 +57,34 @@ class StateArchive {
   static constexpr bool has_archive = requires(T& t, StateArchive& a) {
     t.archive(a);
   };
-  // Copied bit by bit. Excludes pointers; a struct that contains one needs archive().
+  template <class T>
+  static constexpr bool is_optional = requires {
+    requires std::is_same_v<T, std::optional<typename T::value_type>>;
+  };
+  // Copied bit by bit. Excludes pointers and optional values; a struct that contains one needs archive().
   template <class T>
   static constexpr bool is_flat =
-      !has_archive<T> && std::is_trivially_destructible_v<T> && !std::is_pointer_v<T>;
+      !has_archive<T> && !is_optional<T> && std::is_trivially_destructible_v<T> && !std::is_pointer_v<T>;
+
+  template <class T>
+  static constexpr bool is_number = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 
   template <class T>
   requires is_flat<T>
-  void process(T& v) { bytes(static_cast<void*>(&v), sizeof v); }
+  void process(T& v) {
+    if constexpr (!is_number<T>) {
+      if (saves()) return save_without_padding(v);
+    }
+    bytes(static_cast<void*>(&v), sizeof v);
+  }
+  // Equal values give equal bytes, where the compiler can clear the bytes between members (GCC).
+  template <class T>
+  void save_without_padding(T v) {
+#if __has_builtin(__builtin_clear_padding)
+    __builtin_clear_padding(&v);
+#endif
+    bytes(static_cast<void*>(&v), sizeof v);
+  }
   template <class T>
   requires has_archive<T>
   void process(T& v) { v.archive(*this); }
@@ -75,7 +95,7 @@ class StateArchive {
   template <class T>
   void process(std::vector<T>& v) {
     resize(v);
-    if constexpr (is_flat<T>)
+    if constexpr (is_flat<T> && is_number<T>)
       bytes(static_cast<void*>(v.data()), v.size() * sizeof(T));
     else
       for (T& element : v) process(element);
@@ -83,6 +103,14 @@ class StateArchive {
   template <class T, std::size_t n>
   requires(!is_flat<std::array<T, n>>) void process(std::array<T, n>& v) {
     for (T& element : v) process(element);
+  }
+  template <class T>
+  void process(std::optional<T>& v) {
+    if (!value(v.has_value()))
+      v.reset();
+    else if (!v)
+      v.emplace();
+    if (v) process(*v);
   }
   template <class A, class B>
   requires(!is_flat<std::pair<A, B>>) void process(std::pair<A, B>& v) {

@@ -49,6 +49,10 @@ struct JointSpec {
   bool collide = false;  // whether a and b collide as well
 
   bool has_coordinate() const { return kind == JointKind::kHinge || kind == JointKind::kSlider; }
+  template <class Archive>
+  void archive(Archive& archive) {
+    archive(kind, a, b, anchor, axis, limits, friction, spring, motor, collide);
+  }
 };
 
 struct JointState {

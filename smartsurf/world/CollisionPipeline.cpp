@@ -4,6 +4,7 @@
 #include <cstring>
 #include <limits>
 #include <numeric>
+#include <ranges>
 #include <span>
 
 namespace smartsurf::world {
@@ -171,7 +172,11 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
 }
 
 void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
-  const auto slabs = a.value(static_cast<std::uint64_t>(slab_results_.size()));
+  // How many slabs there were in earlier steps does not count.
+  const auto last = std::ranges::find_if(slab_results_ | std::views::reverse, [](const SlabResults& results) {
+    return !results.cached_pairs.manifolds.empty() || !results.cached_field.manifolds.empty();
+  });
+  const auto slabs = a.value(static_cast<std::uint64_t>(last.base() - slab_results_.begin()));
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
     SlabResults& results = slab_results_[s];

@@ -90,11 +90,11 @@ void number_roots(Sandbox* sandbox, lua_State* L, Numbering& numbering) {
   }
 }
 
-// Numbers what the table on top refers to. The order does not depend on addresses: string keys by their
-// bytes, then the others as Lua gives them.
-void number_table(lua_State* L, Numbering& numbering) {
-  const int table = lua_gettop(L);
-  if (lua_getmetatable(L, table) != 0) numbering.take();
+// Calls visit() with each key and its value on the stack, which visit() pops. `table`: absolute stack index.
+// The order does not depend on addresses, unless objects are keys: string keys by their bytes, then the
+// others as Lua gives them.
+template <class Visit>
+void for_each_field(lua_State* L, int table, Visit visit) {
   std::vector<std::string_view> names;
   for (lua_pushnil(L); lua_next(L, table) != 0; lua_pop(L, 1)) {
     if (lua_type(L, -2) != LUA_TSTRING) continue;
@@ -105,18 +105,26 @@ void number_table(lua_State* L, Numbering& numbering) {
   std::ranges::sort(names);
   for (const std::string_view name : names) {
     lua_pushlstring(L, name.data(), name.size());
+    lua_pushvalue(L, -1);
     lua_rawget(L, table);
-    numbering.take();
+    visit();
   }
   for (lua_pushnil(L); lua_next(L, table) != 0;) {
     if (lua_type(L, -2) == LUA_TSTRING) {
       lua_pop(L, 1);
       continue;
     }
-    numbering.take();
-    lua_pushvalue(L, -1);
-    numbering.take();
+    lua_pushvalue(L, -2);
+    lua_insert(L, -2);
+    visit();
   }
+}
+
+// Numbers what the table on top refers to.
+void number_table(lua_State* L, Numbering& numbering) {
+  const int table = lua_gettop(L);
+  if (lua_getmetatable(L, table) != 0) numbering.take();
+  for_each_field(L, table, [&] { numbering.take(), numbering.take(); });
 }
 
 void number_object(lua_State* L, Numbering& numbering) {
@@ -303,11 +311,12 @@ class Writer {
     const int table = lua_gettop(L_);
     if (lua_getmetatable(L_, table) == 0) lua_pushnil(L_);
     write_value();
-    for (lua_pushnil(L_); lua_next(L_, table) != 0;) {
+    for_each_field(L_, table, [this] {
       lua_pushvalue(L_, -2);
+      write_value();  // the key
       write_value();
-      write_value();
-    }
+      lua_pop(L_, 1);
+    });
     tag(Tag::kNil);  // no key
   }
 

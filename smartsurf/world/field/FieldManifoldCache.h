@@ -42,8 +42,12 @@ class FieldManifoldCache {
     std::vector<CachedPoint> points;
     std::vector<float> heights;
     void archive(common::StateArchive& a) {
+      const auto clear_index = [this] {
+        for (CachedManifold& m : manifolds) m.points = nullptr, m.heights = nullptr;
+      };
+      clear_index();
       a(manifolds, points, heights);
-      for (CachedManifold& m : manifolds) m.points = nullptr, m.heights = nullptr;
+      clear_index();
     }
   };
 

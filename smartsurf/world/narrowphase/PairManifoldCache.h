@@ -49,8 +49,12 @@ class PairManifoldCache {
     std::span<const CachedManifold> previous;
     std::size_t expected = 0;
     void archive(common::StateArchive& a) {
+      const auto clear_index = [this] {
+        for (CachedManifold& m : manifolds) m.points = nullptr, m.simplex_cache = nullptr, m.next = nullptr;
+      };
+      clear_index();
       a(manifolds, points, simplices);
-      for (CachedManifold& m : manifolds) m.points = nullptr, m.simplex_cache = nullptr, m.next = nullptr;
+      clear_index();
     }
   };
 

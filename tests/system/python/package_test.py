@@ -282,8 +282,14 @@ class SavedStates(ExperimentTest):
                 s = smartsurf.Simulation(smartsurf.task_file(task.id), seed=1)
                 drive(s, 5)
                 state = s.save()
+                twin = smartsurf.Simulation(smartsurf.task_file(task.id), seed=1)
+                start = twin.save()
+                drive(twin, 5)
+                self.assertTrue(twin.save() == state, "equal states give other bytes")
                 expected = drive(s, 5, 1)
-                s.restore(state)
+                for earlier in (start, state):
+                    s.restore(earlier)
+                    self.assertTrue(s.save() == earlier, "a restored state gives other bytes")
                 self.assertEqual(drive(s, 5, 1), expected)
 
     def test_tables_keep_identity_cycles_and_metatables(self):
