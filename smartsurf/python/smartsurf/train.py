@@ -107,13 +107,18 @@ def _sizes(text: str) -> tuple[int, ...]:
     return () if text == "0" else tuple(_whole(part) for part in text.split(","))
 
 
+def _refusal(reason: object) -> int:
+    print(f"smartsurf train: {reason}", file=sys.stderr)
+    return 2
+
+
 if __name__ == "__main__":
     warnings.formatwarning = lambda message, *_: f"smartsurf train: {message}\n"
     try:
         main()
-    except (OSError, ValueError) as failed:
-        named = isinstance(failed, OSError) and failed.filename is not None
-        print(f"smartsurf train: {f'{failed.filename}: {failed.strerror}' if named else failed}", file=sys.stderr)
-        sys.exit(2)
+    except OSError as failed:
+        sys.exit(_refusal(failed if failed.filename is None else f"{failed.filename}: {failed.strerror}"))
+    except ValueError as failed:
+        sys.exit(_refusal(failed))
     except KeyboardInterrupt:
         sys.exit(130)

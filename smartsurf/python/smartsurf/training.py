@@ -223,7 +223,7 @@ class Log:
 
 def _write_checkpoint(path: pathlib.Path, state: dict[str, Any]) -> None:
     """state: dicts, lists, arrays and what JSON has."""
-    arrays: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, Any] = {}
 
     def packed(value: Any) -> Any:
         if isinstance(value, dict):
