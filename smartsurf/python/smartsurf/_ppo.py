@@ -402,7 +402,7 @@ class Learner:
                 nn.utils.clip_grad_norm_(self._values_parameters, 0.5)
                 self.optimizer.step()
 
-    _ARRAYS = ("samples", "episodes", "_running", "_noise_ticks", "_fresh", "_last_reward", "_judged", "_seen", "_targets_known")
+    _STATE = ("samples", "episodes", "_running", "_noise_ticks", "_fresh", "_last_reward", "_judged", "_seen", "_targets_known")
 
     def _moments(self) -> dict[str, Moments]:
         return {"moments": self.moments, "judged_moments": self.judged_moments, "targets": self._targets,
@@ -421,7 +421,7 @@ class Learner:
         optimizer = [{name: value.numpy() for name, value in self.optimizer.state[p].items()} for p in self._learned]
         return {"worlds": worlds, "started": [envs._batch.started_seed(i) for i in range(envs.num_envs)],
                 "actions": envs._actions if isinstance(envs, TaskVectorEnv) else None,
-                "numbers": {name: getattr(self, name) for name in self._ARRAYS},
+                "own": {name: getattr(self, name) for name in self._STATE},
                 "moments": {name: moments.state for name, moments in self._moments().items()}, "returns": self._rewards.returns,
                 "generator": self._generator.get_state().numpy(), "functions": self._functions.numpy(),
                 "memory": self._memory.numpy(), "learned": [p.detach().numpy() for p in self._learned], "optimizer": optimizer}
@@ -434,7 +434,8 @@ class Learner:
             envs.restore(i, world.tobytes())
         if isinstance(envs, TaskVectorEnv):
             envs._actions[...] = state["actions"]
-        for name, value in state["numbers"].items():
+            envs._observe(envs.state())  # what a world that fails in the next step leaves
+        for name, value in state["own"].items():
             setattr(self, name, value)
         for name, moments in self._moments().items():
             moments.state = state["moments"][name]

@@ -143,8 +143,8 @@ class Log:
         """source: the task's file."""
         self._folder, self._title, self._checkpoint = folder, title, folder / "checkpoint.npz"
         # All that the policy depends on.
-        self._given = {"TASK": pathlib.Path(how.task).name, f"SHA-256 of {source.name}": hashlib.sha256(source.read_bytes()).hexdigest()[:16],
-                       "smartsurf": __version__}
+        self._given = {"smartsurf": __version__, "TASK": pathlib.Path(how.task).name,
+                       f"SHA-256 of {source.name}": hashlib.sha256(source.read_bytes()).hexdigest()[:16]}
         for name, value in vars(how).items():
             if name not in ("task", "out", "resume", "threads"):
                 text = ",".join(map(str, value or [0])) if isinstance(value, tuple) else str(value)
@@ -157,7 +157,7 @@ class Log:
         if how.resume:
             print(f"{folder}: has {self.iterations} of {how.iterations} iterations", flush=True)
         folder.mkdir(parents=True, exist_ok=True)
-        self._tester = Tester(make, how.test, how.threads) if how.test else None
+        self._tester = Tester(make, how.test, how.threads) if how.test and not self.finished else None
         self._board: Any = None
         self._start, self._cpu = time.monotonic() - kept.get("wall_s", 0.0), time.process_time() - kept.get("cpu_s", 0.0)
 
@@ -186,15 +186,15 @@ class Log:
         if self._tester is not None:
             tested, won = self._tester(policy)
             row.update(test_return=f"{tested:.6g}", test_success_rate=f"{won:.4f}")
-        if not self._rows:
-            self._checkpoint.unlink(missing_ok=True)
         self._rows.append(row)
         save_policy(policy, self._folder, self._title)
         with replaced(self._folder / "curve.csv") as part, part.open("w", newline="") as file:
             rows = csv.DictWriter(file, self.FIELDS)
             rows.writeheader()
             rows.writerows(self._rows)
-        if state is not None:
+        if state is None:
+            self._checkpoint.unlink(missing_ok=True)
+        else:
             _write_checkpoint(self._checkpoint, {"given": self._given, "rows": self._rows, "cpu_s": cpu - self._cpu,
                                                  "wall_s": wall - self._start, "state": state})
         self._write_board()

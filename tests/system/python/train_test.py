@@ -215,7 +215,8 @@ class Training(ExperimentTest):
 
     @needs_torch
     def test_ppo_goes_on(self):
-        script, task = self.script(SHORT), f"{self.script(TASK.replace(PLATE, SHORT), 'task.py')}:East"
+        drawn = TASK.replace(PLATE, SHORT).replace("goals =", "randomise = {'object.ball.mass': (0.5, 2.0)}\n    goals =")
+        script, task = self.script(SHORT), f"{self.script(drawn, 'task.py')}:East"
         small = ["--method", "ppo", "--iterations", 3, "--worlds", 3, "--horizon", 10, "--epochs", 1, "--minibatches", 2]
         for more in ([script, "--memory", 1, "--sequence", 4, "--hidden", 2], [task, "--policy", "mlp", "--hidden", 4]):
             files = 2 + ("mlp" not in more) + bool(HAS_ONNX)
