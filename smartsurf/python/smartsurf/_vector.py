@@ -73,8 +73,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     values of info{}, and for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe
     the new episode, and `final_obs` and `final_info` the one that has ended, with its `metrics`.
     A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
-    reward and the values of info{} are NaN, its observation is the last one, and `error` in place of `metrics` says why. The other worlds go on, and the next
-    reset brings it back. If all worlds fail, or one with strict=True, step() raises Error.
+    reward and the values of info{} are NaN, its observation is the last one, and `error` in place of `metrics` says why.
+    The other worlds go on, and the next reset brings it back. If all worlds fail, or one with strict=True, step() raises
+    Error.
     controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
     actions. It restarts with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
