@@ -15,8 +15,9 @@ from ._surface import Channel, Closed, FloatArray, checked_options, draw_seed, f
 from ._tasks import task_file
 
 if TYPE_CHECKING:
+    from ._files import PathName
     from ._picture import CameraLike
-    from ._simulation import Options, PathName, Simulation
+    from ._simulation import Options, Simulation
 
 Info = dict[str, Any]
 

@@ -1,14 +1,14 @@
 """Policies of the whole surface: dense and convolutional networks, as ONNX models."""
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from typing import Any, Union
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-PathName = Union[str, "os.PathLike[str]"]
+from ._files import PathName, replaced
+
 FloatArray = NDArray[np.float32]
 
 
@@ -97,4 +97,5 @@ class NetworkPolicy:
                                   [described("action", self.action_shape)], initializer=constants)
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
         onnx.checker.check_model(model)
-        onnx.save(model, os.fspath(path))
+        with replaced(path) as part:
+            part.write_bytes(model.SerializeToString())

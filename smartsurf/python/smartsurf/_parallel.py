@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ._env import box
-from ._simulation import Options, PathName, Simulation
+from ._files import PathName
+from ._simulation import Options, Simulation
 from ._surface import Closed, FloatArray, draw_seed, finite, real_array, whole
 from ._task import Task, TaskEnv, TaskVectorEnv
 

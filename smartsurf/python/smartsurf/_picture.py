@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import io
 import os
 import struct
 import zlib
@@ -11,6 +12,8 @@ from typing import Any, Union
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ._files import replaced
 
 Pixels = NDArray[np.uint8]
 Point = tuple[float, float, float]
@@ -63,15 +66,12 @@ def _lines(pixels: Pixels) -> bytes:
 
 def png(frames: Sequence[Pixels], period: float = 0.0) -> bytes:
     """A PNG file; of several frames an animated one, which browsers play, each frame for `period` seconds."""
-    first = np.asarray(frames[0], np.uint8)
-    height, width, _ = first.shape
+    height, width, _ = _shape(frames)
     out = [b"\x89PNG\r\n\x1a\n", _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))]
     if len(frames) > 1:
         out.append(_chunk(b"acTL", struct.pack(">II", len(frames), 0)))
     number = 0
     for i, frame in enumerate(frames):
-        if np.shape(frame) != first.shape:
-            raise ValueError(f"frame {i} has shape {np.shape(frame)}: must be that of the first, {first.shape}")
         if len(frames) > 1:
             shown = struct.pack(">IIIIIHHBB", number, width, height, 0, 0, round(1000 * period), 1000, 0, 0)
             out.append(_chunk(b"fcTL", shown))
@@ -85,12 +85,31 @@ def png(frames: Sequence[Pixels], period: float = 0.0) -> bytes:
     return b"".join([*out, _chunk(b"IEND", b"")])
 
 
-def html(data: bytes, width: int) -> str:
-    return f'<img width="{width}" src="data:image/png;base64,{base64.b64encode(data).decode()}"/>'
+def _shape(frames: Sequence[Pixels]) -> tuple[int, int, int]:
+    """That of all frames."""
+    height, width, colours = np.shape(frames[0])
+    for i, frame in enumerate(frames):
+        if np.shape(frame) != (height, width, colours):
+            raise ValueError(f"frame {i} has shape {np.shape(frame)}: must be that of the first, {np.shape(frames[0])}")
+    return height, width, colours
+
+
+def _webp(frames: Sequence[Pixels], period: float) -> bytes:
+    """An animated WebP file, which is lossy. Raises ImportError without Pillow."""
+    from PIL import Image
+    first, *others = (Image.fromarray(frame) for frame in frames)
+    file = io.BytesIO()
+    first.save(file, "WEBP", save_all=True, append_images=others, duration=round(1000 * period), loop=0)
+    return file.getvalue()
+
+
+def html(data: bytes, width: int, kind: str = "png") -> str:
+    return f'<img width="{width}" src="data:image/{kind};base64,{base64.b64encode(data).decode()}"/>'
 
 
 class Video:
-    """Pictures one after the other, such as those of render(): shown by a notebook, written as an animated PNG.
+    """Pictures one after the other, such as those of render(): shown by a notebook, as WebP where Pillow is, and written as an
+    animated PNG.
 
     frames: height × width × 3, uint8. period: how long each is shown, s.
     """
@@ -107,10 +126,14 @@ class Video:
         """Writes an animated PNG, which browsers and notebooks play."""
         if not self.frames:
             raise ValueError("the video has no frames")
-        with open(path, "wb") as file:
-            file.write(png(self.frames, self.period))
+        with replaced(path) as part:
+            part.write_bytes(png(self.frames, self.period))
 
     def _repr_html_(self) -> str:
         if not self.frames:
             return "a video without frames"
-        return html(png(self.frames, self.period), self.frames[0].shape[1])
+        width = _shape(self.frames)[1]
+        try:  # an eighth of the size
+            return html(_webp(self.frames, self.period), width, "webp")
+        except ImportError:
+            return html(png(self.frames, self.period), width)

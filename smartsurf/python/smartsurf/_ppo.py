@@ -15,7 +15,7 @@ an object, which lies on many.
 from __future__ import annotations
 
 import argparse
-import pathlib
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -27,9 +27,9 @@ from torch import nn
 
 from ._network import NetworkPolicy
 from ._task import TaskVectorEnv
-from ._vector import VectorEnv
+from ._vector import VectorEnv, finite_rewards
 from .policy import LocalPolicy
-from .training import Log, channel_scale, local_policy, save_policy
+from .training import Log, channel_scale, local_policy
 
 Floats = NDArray[np.float32]
 
@@ -58,6 +58,14 @@ class Moments:
         self._count = both
 
     @property
+    def state(self) -> list[Any]:
+        return [np.asarray(self._mean), np.asarray(self._square), self._count]
+
+    @state.setter
+    def state(self, state: list[Any]) -> None:
+        self._mean, self._square, self._count = state
+
+    @property
     def mean(self) -> Floats:
         return self._mean.astype(np.float32)
 
@@ -70,15 +78,15 @@ class Rewards:
     """Divides rewards by the deviation of the discounted return, so that values are about 1."""
 
     def __init__(self, worlds: int, discount: float):
-        self._returns, self._discount, self._moments = np.zeros(worlds), discount, Moments((), 1e-4)
+        self.returns, self._discount, self.moments = np.zeros(worlds), discount, Moments((), 1e-4)
 
     def __call__(self, rewards: NDArray[np.float64], ends: NDArray[np.bool_]) -> Floats:
         """Both: decisions × worlds."""
         for now, over in zip(rewards, ends):
-            self._returns = self._discount * self._returns + now
-            self._moments.add(self._returns[:, None].astype(np.float32).ravel())
-            self._returns[over] = 0
-        return np.clip(rewards / self._moments.deviation, -10, 10).astype(np.float32)
+            self.returns = self._discount * self.returns + now
+            self.moments.add(self.returns[:, None].astype(np.float32).ravel())
+            self.returns[over] = 0
+        return np.clip(rewards / self.moments.deviation, -10, 10).astype(np.float32)
 
 
 class Actor:
@@ -224,6 +232,7 @@ class Learner:
             nn.init.zeros_(part.bias)
         self._targets, self._targets_known = Moments((), 1e-4), False
         self._values_parameters = list(self._critic.parameters())
+        self._learned, self._unsaved = [*self.actor.parameters, *self._values_parameters], False
         self.optimizer = torch.optim.Adam([{"params": self.actor.parameters, "lr": how.learning_rate},
                                            {"params": self._values_parameters, "lr": VALUE_RATE}], eps=1e-5)
 
@@ -295,9 +304,11 @@ class Learner:
             reward, over = np.zeros(worlds), np.zeros(worlds, np.bool_)
             for _ in range(how.hold):
                 observation, tick_reward, terminated, truncated, infos = self.envs.step(commands)
-                self._last_reward = np.stack([np.nan_to_num(tick_reward), np.ones(worlds)], axis=1).astype(np.float32)
+                failed = np.isnan(tick_reward)
+                tick_reward = finite_rewards(tick_reward, infos)
+                self._last_reward = np.stack([tick_reward, np.ones(worlds)], axis=1).astype(np.float32)
                 # Those of the next episode count from its first decision on.
-                tick_reward = np.where(over, 0, np.nan_to_num(tick_reward))
+                tick_reward = np.where(over, 0, tick_reward)
                 reward += tick_reward / how.hold
                 self._running += tick_reward
                 self.samples += int((~over).sum())
@@ -310,7 +321,9 @@ class Learner:
                     self._running[ends] = 0
                     cut = np.flatnonzero(ends & truncated & ~terminated)
                     if len(cut):
+                        before = self._judged
                         self._observe(observation)
+                        self._judged[failed] = before[failed]  # whose objects are not known
                         out["cut"].append((decision, cut, torch.from_numpy(self._judged[cut])))
                     over |= ends
                 if again.any():
@@ -389,6 +402,50 @@ class Learner:
                 nn.utils.clip_grad_norm_(self._values_parameters, 0.5)
                 self.optimizer.step()
 
+    _STATE = ("samples", "episodes", "_running", "_noise_ticks", "_fresh", "_last_reward", "_judged", "_seen", "_targets_known")
+
+    def _moments(self) -> dict[str, Moments]:
+        return {"moments": self.moments, "judged_moments": self.judged_moments, "targets": self._targets,
+                "rewards": self._rewards.moments}
+
+    def save(self) -> dict[str, Any] | None:
+        """All on which an iteration depends, after an update; None, with a line on the terminal, if a world cannot be saved."""
+        envs = self.envs
+        try:
+            worlds = [np.frombuffer(envs.save(i), np.uint8) for i in range(envs.num_envs)]
+        except ValueError as error:
+            if not self._unsaved:
+                print(f"smartsurf train: no checkpoint: {error}", file=sys.stderr)
+            self._unsaved = True
+            return None
+        optimizer = [{name: value.numpy() for name, value in self.optimizer.state[p].items()} for p in self._learned]
+        return {"worlds": worlds, "started": [envs._batch.started_seed(i) for i in range(envs.num_envs)],
+                "actions": envs._actions if isinstance(envs, TaskVectorEnv) else None,
+                "own": {name: getattr(self, name) for name in self._STATE},
+                "moments": {name: moments.state for name, moments in self._moments().items()}, "returns": self._rewards.returns,
+                "generator": self._generator.get_state().numpy(), "functions": self._functions.numpy(),
+                "memory": self._memory.numpy(), "learned": [p.detach().numpy() for p in self._learned], "optimizer": optimizer}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from what save() returned."""
+        envs = self.envs
+        envs.reset(seed=state["started"])
+        for i, world in enumerate(state["worlds"]):
+            envs.restore(i, world.tobytes())
+        if isinstance(envs, TaskVectorEnv):
+            envs._actions[...] = state["actions"]
+            envs._observe(envs.state())  # what a world that fails in the next step leaves
+        for name, value in state["own"].items():
+            setattr(self, name, value)
+        for name, moments in self._moments().items():
+            moments.state = state["moments"][name]
+        self._rewards.returns = state["returns"]
+        self._generator.set_state(torch.from_numpy(state["generator"]))
+        self._functions, self._memory = torch.from_numpy(state["functions"]), torch.from_numpy(state["memory"])
+        for p, values, moments_of_p in zip(self._learned, state["learned"], state["optimizer"]):
+            p.data.copy_(torch.from_numpy(values))
+            self.optimizer.state[p] = {name: torch.from_numpy(value) for name, value in moments_of_p.items()}
+
     def policy(self) -> LocalPolicy | NetworkPolicy:
         layers, envs = self.actor.layers_of(), self.envs
         if self.how.policy == "local":
@@ -398,23 +455,22 @@ class Learner:
                              self.moments.mean)
 
 
-def train(make: Callable[..., VectorEnv], how: argparse.Namespace, folder: pathlib.Path,
-          title: str) -> LocalPolicy | NetworkPolicy:
+def train(make: Callable[..., VectorEnv], how: argparse.Namespace, log: Log) -> LocalPolicy | NetworkPolicy:
     """A LocalPolicy with how.policy "local", else a NetworkPolicy, "cnn" or "mlp"; how: as train.main() parses it."""
     learner = Learner(make, how)
-    log = Log(folder, make, how)
-    learner.warm_up()
-    learner.update(learner.rollout(how.horizon), 1.0, policy=False)
-    for iteration in range(how.iterations):
+    if log.state is None:
+        learner.warm_up()
+        learner.update(learner.rollout(how.horizon), 1.0, policy=False)
+    else:
+        learner.restore(log.state)
+    for iteration in range(log.iterations, how.iterations):
         rollout = learner.rollout(how.horizon)
         learner.learn_statistics(rollout)
         learner.update(rollout, 1 - iteration / how.iterations)
         policy = learner.policy()
-        save_policy(policy, folder, title)
         returns = learner.returns
-        log.add(iteration, learner.samples, learner.episodes, np.array(returns), max(returns, default=float("nan")),
-                float(np.mean(learner.won)) if learner.won else 0.0, policy)
+        log.add(learner.samples, learner.episodes, np.array(returns), max(returns, default=float("nan")),
+                float(np.mean(learner.won)) if learner.won else 0.0, policy, learner.save())
         learner.returns, learner.won = [], []
-    log.close()
     learner.envs.close()
     return policy

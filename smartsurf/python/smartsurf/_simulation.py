@@ -6,18 +6,18 @@ import os
 import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Union
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, _parameters
+from ._files import PathName
 from ._parameters import Numbers, Range
 from ._picture import CameraLike, core_camera, html, png
 from ._surface import Actions, Channel, Surface, checked_seed, draw_seed, whole
 
 Options = Mapping[str, object]
-PathName = Union[str, "os.PathLike[str]"]
 
 
 def thread_count(threads: Any) -> int:

@@ -290,7 +290,8 @@ class TaskVectorEnv(VectorEnv):
         self._arguments = {**self._arguments, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self._arguments["task"] = task
         self._time = np.zeros(num_envs)
-        self._over = np.zeros(num_envs, np.bool_)
+        self._over, self._failed = np.zeros((2, num_envs), np.bool_)
+        self._last: dict[str, FloatArray] = {}  # of a task's own observation
         self._object_states = np.zeros((num_envs, self._batch.object_count, 13), np.float32)
         self._bind(self._object_states, self._time)
         for name in self._fields.keys() & task.goals.keys():
@@ -303,9 +304,19 @@ class TaskVectorEnv(VectorEnv):
         self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
         self._safe = np.array([channel.safe for channel in self.actuator_channels], np.float32)[:, None, None]
         self._restart(self._seeds(arguments.get("seed"), self._batch.started_seed), np.ones(num_envs, np.bool_))
-        observation = self._judge.observation(self.state())
+        observation = self._observe(self.state())
         self.single_observation_space = self._judge.space(observation, self.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
+
+    def _observe(self, state: State) -> Any:
+        """The task's observation; of the worlds that have failed, whose objects and info{} are NaN, the last one."""
+        seen = self._judge.observation(state)
+        if type(self.task).observation is not Task.observation:  # the planes are the last ones anyway
+            if self._failed.any():
+                for name, values in (seen if isinstance(seen, dict) else {"": seen}).items():
+                    values[self._failed] = self._last[name][self._failed]
+            self._last = {name: values.copy() for name, values in (seen if isinstance(seen, dict) else {"": seen}).items()}
+        return seen
 
     def _restart(self, seeds: list[int], mask: Flags) -> None:
         self._batch.reset(seeds, mask.astype(np.uint8).tolist())
@@ -315,7 +326,7 @@ class TaskVectorEnv(VectorEnv):
         """After the reset of some worlds."""
         self._judge.draw_goals(self._fields["seed"], mask)
         self._actions[mask] = self._safe
-        self._over[mask] = False
+        self._over[mask] = self._failed[mask] = False
 
     def state(self) -> State:
         """The state of all worlds."""
@@ -346,7 +357,7 @@ class TaskVectorEnv(VectorEnv):
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._start_recording()
         self._restart(self._seeds(seed, self._next_seed), mask)
-        return self._judge.observation(self.state()), _of_worlds(self._task_infos(), mask)
+        return self._observe(self.state()), _of_worlds(self._task_infos(), mask)
 
     def step(self, actions: ArrayLike | None = None) -> Any:
         given: Any = actions
@@ -375,7 +386,8 @@ class TaskVectorEnv(VectorEnv):
         ends = over & ~script_over
         if ends.any():
             self._batch.end_episodes(ends.astype(np.uint8).tolist())
-        observation, infos = self._judge.observation(state), self._task_infos()
+        self._failed = failed | unjudged
+        observation, infos = self._observe(state), self._task_infos()
         infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
         final: Info = {}
         if over.any():
@@ -385,7 +397,7 @@ class TaskVectorEnv(VectorEnv):
         if self._resets_itself and over.any():
             last = observation
             self._restart(self._seeds(None, self._next_seed), over)
-            observation, infos = self._judge.observation(self.state()), self._task_infos()
+            observation, infos = self._observe(self.state()), self._task_infos()
             infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
             final_obs = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(over):
@@ -411,7 +423,7 @@ class TaskVectorEnv(VectorEnv):
         super().restore(world, state)
         mask = np.arange(self.num_envs) == world
         self._begin(mask)
-        observation = self._judge.observation(self.state())
+        observation = self._observe(self.state())
         return ({name: values[world] for name, values in observation.items()} if isinstance(observation, dict)
                 else observation[world])
 
@@ -428,6 +440,7 @@ def _unpickled_task(function: Any, cls: Any, arguments: Info, rest: Any, goals: 
     envs: TaskVectorEnv = function(cls, arguments, *rest)
     envs._judge.goals.update(goals)
     envs._actions[...], envs._over, envs._time[...] = actions, over, time
+    envs._observe(envs.state())
     if not envs._resets_itself:
         envs._batch.end_episodes(over.astype(np.uint8).tolist())
     return envs

@@ -4,6 +4,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypedDict, Union
 
@@ -15,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, _parameters
 from ._env import box
+from ._files import PathName
 from ._parameters import Numbers, Range
 from ._picture import CameraLike, core_camera
-from ._simulation import Options, PathName, channels, engine_name, load_extensions, overrides, state_bytes, thread_count
+from ._simulation import Options, channels, engine_name, load_extensions, overrides, state_bytes, thread_count
 from ._surface import Closed, FloatArray, aligned_zeros, checked_options, checked_seed, draw_seed, finite, real_array, whole
 from ._tasks import task_file
 
@@ -71,8 +73,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     values of info{}, and for the worlds whose episode has ended `metrics`, a dict of arrays. With SAME_STEP these describe
     the new episode, and `final_obs` and `final_info` the one that has ended, with its `metrics`.
     A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
-    reward and the values of info{} are NaN, and `error` in place of `metrics` says why. The other worlds go on, and the next
-    reset brings it back. If all worlds fail, or one with strict=True, step() raises Error.
+    reward and the values of info{} are NaN, its observation is the last one, and `error` in place of `metrics` says why.
+    The other worlds go on, and the next reset brings it back. If all worlds fail, or one with strict=True, step() raises
+    Error.
     controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
     actions. It restarts with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
@@ -432,6 +435,16 @@ def _controllers(program: PathName | None, parameters: Mapping[str, float] | Non
         return None
     import apron  # of the same wheel; environments without a controller do without
     return apron._controllers(program, parameters)
+
+
+def finite_rewards(rewards: Numbers, infos: Info, of_failed: float = 0.0) -> Numbers:
+    """What VectorEnv.step() has returned, without the NaN of worlds that fail, with which a learner would spoil its weights; warns
+    of each error once."""
+    failed = np.isnan(rewards)
+    if failed.any():
+        for error in sorted(set(infos.get("final_info", infos)["error"][failed])):
+            warnings.warn(f"a world has failed, which ends its episode: {error}", stacklevel=2)
+    return np.where(failed, of_failed, rewards)
 
 
 def _of_worlds(fields: Info, mask: Flags) -> Info:

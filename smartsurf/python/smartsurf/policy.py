@@ -6,16 +6,16 @@ NumPy it acts on the sensor arrays of an environment; `export_policy` writes it 
 """
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Union
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._files import PathName, replaced
+
 FloatArray = NDArray[np.float32]
-PathName = Union[str, "os.PathLike[str]"]
 
 TAPS = ("own", "north", "east", "south", "west", "northeast", "southeast", "southwest", "northwest")
 _CROSS_TAPS = 5  # the first ones
@@ -288,8 +288,8 @@ def export_policy(policy: LocalPolicy, path: PathName, title: str = "A learned l
     lines = [f"// {line}" for line in title.splitlines()]
     lines += [f"!register({', '.join([*registers, 'NEAR'])})", "", "boundary('zero')"]
     lines += ["while(1)", *(f"  {line}" for line in body), "endwhile"]
-    with open(path, "w") as file:
-        file.write("\n".join(lines) + "\n")
+    with replaced(path) as part:
+        part.write_text("\n".join(lines) + "\n")
 
 
 def _near(plane: str, tap: int) -> str:
@@ -387,4 +387,5 @@ def export_onnx(policy: LocalPolicy, path: PathName) -> None:
                               values([name for name, _, _ in results]), initializer=list(constants.values()))
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.checker.check_model(model)
-    onnx.save(model, os.fspath(path))
+    with replaced(path) as part:
+        part.write_bytes(model.SerializeToString())

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from ._vector import VectorEnv
+from ._vector import VectorEnv, finite_rewards
 
 try:
     from stable_baselines3.common import vec_env
@@ -40,7 +40,8 @@ class VecEnv(Batch):
     """All worlds of a VectorEnv, or of a Task's make_vec(), made with autoreset_mode="SameStep" as stable-baselines3 resets.
 
     Observations and actions are those of `env`, infos one dict for each world: its values, and at the end of an episode
-    `metrics`, `terminal_observation` and `TimeLimit.truncated`."""
+    `metrics`, `terminal_observation` and `TimeLimit.truncated`. The episode of a world that fails is truncated with reward 0;
+    `error` in place of `metrics` says why, as does a warning."""
 
     def __init__(self, env: VectorEnv):
         if env.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
@@ -65,14 +66,14 @@ class VecEnv(Batch):
         for i in np.flatnonzero(over):
             each[i] = {**_of_world(infos["final_info"], int(i)), "terminal_observation": infos["final_obs"][i],
                        "TimeLimit.truncated": bool(truncated[i] and not terminated[i])}
-        return observations, rewards.astype(np.float32), over, each
+        return observations, finite_rewards(rewards, infos).astype(np.float32), over, each
 
 
 def _of_world(infos: dict[str, Any], world: int) -> dict[str, Any]:
     """The values of one world."""
     out: dict[str, Any] = {}
     for name, values in infos.items():
-        if name.startswith("_") or name in ("final_obs", "final_info"):
+        if name.startswith("_") or name in ("final_obs", "final_info") or not infos["_" + name][world]:
             continue
         out[name] = _of_world(values, world) if isinstance(values, dict) else values[world]
     return out

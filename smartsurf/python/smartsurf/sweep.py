@@ -25,6 +25,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from ._files import replaced
 from .run import command, execute as execute_command
 from .success import Step, success_curve, time_of_share, wilson
 
@@ -339,14 +340,6 @@ def is_numeric(text: str) -> bool:
         return True
     except ValueError:
         return False
-
-
-@contextlib.contextmanager
-def replaced(path: pathlib.Path) -> Iterator[pathlib.Path]:
-    """A path beside `path`, whose file takes its place at the end: no reader sees a part of it."""
-    part = path.with_name(path.name + ".part")
-    yield part
-    part.replace(path)
 
 
 def columns(table: Iterable[dict[str, Any]]) -> list[str]:

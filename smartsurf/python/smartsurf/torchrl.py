@@ -1,4 +1,4 @@
-"""Many worlds as TorchRL has environments: SyncDataCollector(smartsurf.torchrl.Env(envs), policy, …)."""
+"""Many worlds as TorchRL has environments: Collector(smartsurf.torchrl.Env(envs), policy, …)."""
 from __future__ import annotations
 
 from typing import Any
@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from ._vector import VectorEnv
+from ._vector import VectorEnv, finite_rewards
 
 try:
     import torch
@@ -24,7 +24,7 @@ class Env(EnvBase):  # type: ignore[misc]  # has no types where it is missing
 
     The batch size is the number of worlds. `observation` and `action` are those of `env`, each part of a dict
     observation has its name; `success` says whether a world has reached its goal; `done`, `terminated` and `truncated`
-    are Gymnasium's."""
+    are Gymnasium's. The episode of a world that fails is truncated with reward 0, and a warning says why."""
 
     def __init__(self, env: VectorEnv):
         if env.metadata["autoreset_mode"] != AutoresetMode.DISABLED:
@@ -61,7 +61,7 @@ class Env(EnvBase):  # type: ignore[misc]  # has no types where it is missing
 
     def _step(self, tensordict: Any) -> Any:
         observation, rewards, terminated, truncated, infos = self.env.step(tensordict["action"].numpy())
-        reward = rewards[:, None].astype(np.float32)
+        reward = finite_rewards(rewards, infos)[:, None].astype(np.float32)
         return self._tensors(observation, infos["success"], terminated, truncated, reward=reward)
 
     def _set_seed(self, seed: int | None) -> None:

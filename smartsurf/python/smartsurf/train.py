@@ -17,6 +17,7 @@ import argparse
 import os
 import pathlib
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -37,6 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                         help="episodes of other seeds after each iteration, which neither samples nor times count [0]")
     parser.add_argument("--threads", type=_whole, default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="FOLDER")
+    parser.add_argument("--resume", action="store_true",
+                        help="go on after the last iteration of FOLDER/checkpoint.npz, if there is one, with the same arguments")
     of_cem = parser.add_argument_group("cem")
     of_cem.add_argument("--candidates", type=_whole, default=24, help="of a generation [24]")
     of_cem.add_argument("--runs", type=_whole, default=4, help="episodes of each candidate [4]")
@@ -77,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from . import training
     except ImportError as error:
         raise ValueError(f"{error}; it needs the package's extra: pip install 'smartsurf[learning]'") from error
-    name, make = training.find_task(how.task)
+    name, make, source = training.find_task(how.task)
     folder = how.out or pathlib.Path("out/train") / f"{name}-{how.method}"
     learn: Any = training.train_cem
     if how.method == "ppo":
@@ -86,7 +89,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except ImportError as error:
             raise ValueError("--method ppo needs torch: pip install torch; cem does not") from error
         learn = _ppo.train
-    learn(make, how, folder, f"{name}: learned by smartsurf train --method {how.method}.")
+    log = training.Log(folder, make, how, f"{name}: learned by smartsurf train --method {how.method}.", source)
+    if log.finished:
+        return
+    learn(make, how, log)
+    log.close()
     print(f"wrote {', '.join(str(path) for path in sorted(folder.iterdir()) if path.suffix in ('.aps', '.onnx', '.csv'))}")
 
 
@@ -100,11 +107,18 @@ def _sizes(text: str) -> tuple[int, ...]:
     return () if text == "0" else tuple(_whole(part) for part in text.split(","))
 
 
+def _refusal(reason: object) -> int:
+    print(f"smartsurf train: {reason}", file=sys.stderr)
+    return 2
+
+
 if __name__ == "__main__":
+    warnings.formatwarning = lambda message, *_: f"smartsurf train: {message}\n"
     try:
         main()
-    except (OSError, ValueError) as failed:
-        print(f"smartsurf train: {failed}", file=sys.stderr)
-        sys.exit(2)
+    except OSError as failed:
+        sys.exit(_refusal(failed if failed.filename is None else f"{failed.filename}: {failed.strerror}"))
+    except ValueError as failed:
+        sys.exit(_refusal(failed))
     except KeyboardInterrupt:
         sys.exit(130)

@@ -6,22 +6,27 @@ from __future__ import annotations
 
 import argparse
 import csv
+import hashlib
 import importlib.util
+import json
 import os
 import pathlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._core import __version__
+from ._files import replaced
 from ._network import NetworkPolicy
 from ._surface import Channel
 from ._task import Task
 from ._tasks import TASKS, task_file
-from ._vector import VectorEnv
+from ._vector import VectorEnv, finite_rewards
 from .policy import LocalPolicy, export_onnx, export_policy, square
 
 Vector = NDArray[np.float64]
@@ -38,13 +43,17 @@ class Generation(NamedTuple):
 
 
 def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: float, *, generations: int, candidates: int,
-        runs: int, seed: int = 1) -> Iterator[Generation]:
+        runs: int, seed: int = 1, state: dict[str, Any] | None = None) -> Iterator[Generation]:
     """The cross-entropy method. scores(vectors, seeds): one score of each row of `vectors`, which learning maximizes, over the
-    episodes with these seeds: the same for all candidates, others in each generation."""
+    episodes with these seeds: the same for all candidates, others in each generation. state: receives the state after each
+    generation; one that an earlier search has filled goes on."""
     source = np.random.default_rng(seed)
-    mean, deviations = initial, np.full(len(initial), deviation)
+    mean, deviations, start = initial, np.full(len(initial), deviation), 0
+    if state:
+        mean, deviations, start = state["mean"], state["deviations"], state["generation"] + 1
+        source.bit_generator.state = state["random"]
     elite = max(2, candidates // 5)
-    for generation in range(generations):
+    for generation in range(start, generations):
         first = 1 + (seed - 1) * 10**9 + generation * runs
         seeds = range(first, first + runs)
         vectors = mean + deviations * source.standard_normal((candidates, len(mean)))
@@ -53,11 +62,14 @@ def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: f
         # Added noise, which decreases, keeps the deviation from collapsing early (Szita and Lőrincz 2006).
         noise = 0.3 * deviation * max(0, 1 - generation / (0.7 * generations))
         mean, deviations = vectors[best].mean(axis=0), np.sqrt(vectors[best].var(axis=0) + noise**2)
+        if state is not None:
+            state.update(generation=generation, mean=mean, deviations=deviations, random=source.bit_generator.state)
         yield Generation(generation, float(values.mean()), float(values[best].mean()), mean)
 
 
-def find_task(name: str) -> tuple[str, Make]:
-    """A name for the folder, and the function that makes a task's environment; ValueError if there is none of that name."""
+def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
+    """A name for the folder, the function that makes a task's environment, and the task's file; ValueError if there is none of
+    that name."""
     path, _, member = name.partition(":")
     if path.endswith(".py") and member:
         spec = importlib.util.spec_from_file_location("smartsurf_task", path)
@@ -69,7 +81,7 @@ def find_task(name: str) -> tuple[str, Make]:
         found = getattr(module, member, None)
         if not isinstance(found, type) or not issubclass(found, Task):
             raise ValueError(f"task {name}: {path} has no smartsurf.Task {member}")
-        return member, found().make_vec
+        return member, found().make_vec, pathlib.Path(path)
     if path.endswith(".lua"):
         script = name
     else:
@@ -81,7 +93,7 @@ def find_task(name: str) -> tuple[str, Make]:
 
     def make(num_envs: int, **arguments: Any) -> VectorEnv:
         return VectorEnv(script, num_envs, **arguments)
-    return pathlib.Path(name).stem, make
+    return pathlib.Path(name).stem, make, pathlib.Path(script)
 
 
 def input_names(channels: Sequence[Channel]) -> list[str]:
@@ -112,7 +124,7 @@ class Tester:
             else:
                 commands[...] = policy(envs._observations if of_planes else observation)
             observation, rewards, terminated, truncated, infos = envs.step(commands)
-            total += np.where(running, np.nan_to_num(rewards, nan=-1e9), 0)
+            total += np.where(running, finite_rewards(rewards, infos, -1e9), 0)
             success |= running & infos["success"]
             running &= ~(terminated | truncated)
         return float(total.mean()), float(success.mean())
@@ -122,49 +134,124 @@ class Tester:
 
 
 class Log:
-    """curve.csv, TensorBoard and the terminal: one row per iteration."""
+    """What a training leaves in its folder after each iteration: the policy, curve.csv with one row per iteration, TensorBoard's
+    events and the checkpoint from which --resume goes on; and a line on the terminal. An older training stays until then."""
     FIELDS = ("iteration", "samples", "episodes", "cpu_s", "wall_s", "return", "best_return", "success_rate", "test_return",
               "test_success_rate")
 
-    def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace):
+    def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace, title: str, source: pathlib.Path):
+        """source: the task's file."""
+        self._folder, self._title, self._checkpoint = folder, title, folder / "checkpoint.npz"
+        # All that the policy depends on.
+        self._given = {"smartsurf": __version__, "TASK": pathlib.Path(how.task).name,
+                       f"SHA-256 of {source.name}": hashlib.sha256(source.read_bytes()).hexdigest()[:16]}
+        for name, value in vars(how).items():
+            if name not in ("task", "out", "resume", "threads"):
+                text = ",".join(map(str, value or [0])) if isinstance(value, tuple) else str(value)
+                self._given[f"--{name.replace('_', '-')}"] = text
+        kept: dict[str, Any] = (_read_checkpoint(self._checkpoint) or {}) if how.resume else {}
+        self._require_same(kept.get("given", self._given))
+        self.state: dict[str, Any] | None = kept.get("state")  # of the learner, after the latest iteration; None before the first
+        self._rows: list[dict[str, Any]] = kept.get("rows", [])
+        self.finished = self.iterations == how.iterations
+        if how.resume:
+            print(f"{folder}: has {self.iterations} of {how.iterations} iterations", flush=True)
         folder.mkdir(parents=True, exist_ok=True)
-        for old in folder.glob("events.out.tfevents.*"):  # TensorBoard would draw both runs as one
-            old.unlink()
-        self._tester = Tester(make, how.test, how.threads) if how.test else None
-        self._file = open(folder / "curve.csv", "w", newline="")
-        self._rows = csv.DictWriter(self._file, self.FIELDS)
-        self._rows.writeheader()
-        self._start, self._cpu, self._board = time.monotonic(), time.process_time(), _board(folder)
+        self._tester = Tester(make, how.test, how.threads) if how.test and not self.finished else None
+        self._board: Any = None
+        self._start, self._cpu = time.monotonic() - kept.get("wall_s", 0.0), time.process_time() - kept.get("cpu_s", 0.0)
 
-    def add(self, iteration: int, samples: int, episodes: int, returns: Vector, best: float, success: float,
-            policy: LocalPolicy | NetworkPolicy) -> None:
+    @property
+    def iterations(self) -> int:
+        """That are done."""
+        return len(self._rows)
+
+    def _require_same(self, kept: Mapping[str, str]) -> None:
+        names = [name for name in {**kept, **self._given} if kept.get(name) != self._given.get(name)]
+        if names:
+            was, now = (", ".join(f"{name} {values.get(name)}" for name in names) for values in (kept, self._given))
+            raise ValueError(f"--resume: {self._folder} was trained with {was}; now with {now}: give the same arguments, or train "
+                             "anew without --resume")
+
+    def add(self, samples: int, episodes: int, returns: Vector, best: float, success: float,
+            policy: LocalPolicy | NetworkPolicy, state: dict[str, Any] | None) -> None:
         """returns: of the iteration's episodes, or of its candidates. best: of the best ones. success: share of the episodes.
-        policy: what is learned so far, which is tested; the times are without that."""
+        policy: what is learned so far, which is tested; the times are without that. state: of the learner, None if it cannot go
+        on from one."""
         cpu, wall = time.process_time(), time.monotonic()
         row: dict[str, Any] = {
-            "iteration": iteration, "samples": samples, "episodes": episodes, "cpu_s": f"{cpu - self._cpu:.2f}",
+            "iteration": len(self._rows), "samples": samples, "episodes": episodes, "cpu_s": f"{cpu - self._cpu:.2f}",
             "wall_s": f"{wall - self._start:.2f}", "return": f"{np.mean(returns) if len(returns) else np.nan:.6g}",
             "best_return": f"{best:.6g}", "success_rate": f"{success:.4f}"}
         if self._tester is not None:
             tested, won = self._tester(policy)
             row.update(test_return=f"{tested:.6g}", test_success_rate=f"{won:.4f}")
-        self._rows.writerow(row)
-        self._file.flush()
-        if self._board is not None:
-            for name in self.FIELDS[3:]:
-                if name in row:
-                    self._board.add_scalar(f"train/{name}", float(row[name]), samples)
-        print(f"{iteration:4}: {samples} samples, {episodes} episodes, {row['cpu_s']} s, return {float(row['return']):.4g}, best "
+        self._rows.append(row)
+        save_policy(policy, self._folder, self._title)
+        with replaced(self._folder / "curve.csv") as part, part.open("w", newline="") as file:
+            rows = csv.DictWriter(file, self.FIELDS)
+            rows.writeheader()
+            rows.writerows(self._rows)
+        if state is None:
+            self._checkpoint.unlink(missing_ok=True)
+        else:
+            _write_checkpoint(self._checkpoint, {"given": self._given, "rows": self._rows, "cpu_s": cpu - self._cpu,
+                                                 "wall_s": wall - self._start, "state": state})
+        self._write_board()
+        print(f"{row['iteration']:4}: {samples} samples, {episodes} episodes, {row['cpu_s']} s, return {float(row['return']):.4g}, best "
               f"{best:.4g}, success {success:.0%}" + (f", test {tested:.4g}, {won:.0%}" if self._tester is not None else ""), flush=True)
         self._cpu += time.process_time() - cpu
         self._start += time.monotonic() - wall
 
+    def _write_board(self) -> None:
+        new = self._rows[-1:]
+        if self._board is None:  # of which TensorBoard would draw two files as one training
+            for old in self._folder.glob("events.out.tfevents.*"):
+                old.unlink()
+            self._board, new = _board(self._folder), self._rows
+        for row in new if self._board else []:
+            for name in self.FIELDS[3:]:
+                if name in row:
+                    self._board.add_scalar(f"train/{name}", float(row[name]), row["samples"])
+
     def close(self) -> None:
-        self._file.close()
         if self._tester is not None:
             self._tester.close()
         if self._board is not None:
             self._board.close()
+
+
+def _write_checkpoint(path: pathlib.Path, state: dict[str, Any]) -> None:
+    """state: dicts, lists, arrays and what JSON has."""
+    arrays: dict[str, Any] = {}
+
+    def packed(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: packed(part) for name, part in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [packed(part) for part in value]
+        if isinstance(value, np.ndarray):
+            arrays[f"array{len(arrays)}"] = value
+            return {_ARRAY: f"array{len(arrays) - 1}"}
+        return value
+    text = json.dumps(packed(state)).encode()
+    with replaced(path) as part, part.open("wb") as file:
+        np.savez(file, state=np.frombuffer(text, np.uint8), **arrays)
+
+
+def _read_checkpoint(path: pathlib.Path) -> Any:
+    """What _write_checkpoint() was given; None without a file."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        return json.loads(arrays["state"].tobytes(), object_hook=lambda part: arrays[part[_ARRAY]] if _ARRAY in part else part)
+    except FileNotFoundError:
+        return None
+    except (AttributeError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: is no checkpoint of smartsurf train: {error}") from error
+
+
+_ARRAY = "an array of the file"  # the key of a dict that stands for one
 
 
 def _board(folder: pathlib.Path) -> Any:
@@ -178,20 +265,26 @@ def _board(folder: pathlib.Path) -> Any:
 
 
 def save_policy(policy: LocalPolicy | NetworkPolicy, folder: pathlib.Path, title: str) -> None:
+    """Also removes the files of an older policy that this one does not have."""
+    program, model = folder / "policy.aps", folder / "policy.onnx"
     if isinstance(policy, LocalPolicy):
-        export_policy(policy, folder / "policy.aps", title)
-    if importlib.util.find_spec("onnx"):
-        if isinstance(policy, LocalPolicy):
-            if set(policy.inputs) - {"row", "column"} or policy.memory:
-                export_onnx(policy, folder / "policy.onnx")
-        else:
-            policy.export(folder / "policy.onnx")
+        export_policy(policy, program, title)
+    else:
+        program.unlink(missing_ok=True)
+    if not importlib.util.find_spec("onnx"):
+        model.unlink(missing_ok=True)
+    elif isinstance(policy, NetworkPolicy):
+        policy.export(model)
+    elif set(policy.inputs) - {"row", "column"} or policy.memory:
+        export_onnx(policy, model)
+    else:
+        model.unlink(missing_ok=True)
 
 
 # ---- cross-entropy method
 
 
-def train_cem(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: str) -> LocalPolicy:
+def train_cem(make: Make, how: argparse.Namespace, log: Log) -> LocalPolicy:
     """A LocalPolicy; how: as main() parses it."""
     envs = make(how.candidates * how.runs, threads=how.threads, copy=False)
     channels = envs.actuator_channels
@@ -220,7 +313,8 @@ def train_cem(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
             last[1][k] = last[1][k] * np.float32((high - low) / 2) + np.float32((high + low) / 2)
         return made
 
-    log, samples, won = Log(folder, make, how), 0, 0.0
+    state = log.state or {"samples": 0, "search": {}}
+    samples, won = state["samples"], 0.0
 
     def scores(vectors: Vector, seeds: range) -> Vector:
         nonlocal samples, won
@@ -238,7 +332,7 @@ def train_cem(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
                         commands[own, c] = command
             samples += int(running.sum())
             _, rewards, terminated, truncated, infos = envs.step(commands)
-            total += np.where(running, np.nan_to_num(rewards, nan=-1e9), 0)  # a world that fails is the worst
+            total += np.where(running, finite_rewards(rewards, infos, -1e9), 0)  # a world that fails is the worst
             success |= running & infos["success"]
             running &= ~(terminated | truncated)
         won = float(success.mean())
@@ -247,12 +341,10 @@ def train_cem(make: Make, how: argparse.Namespace, folder: pathlib.Path, title: 
 
     best = policy(np.zeros(count))
     for found in cem(scores, np.zeros(count), how.deviation, generations=how.iterations, candidates=how.candidates, runs=how.runs,
-                     seed=how.seed):
-        best = policy(found.mean)
-        log.add(found.number, samples, (found.number + 1) * how.candidates * how.runs, np.array([found.mean_score]),
-                found.elite_score, won, best)
-        save_policy(best, folder, title)
-    log.close()
+                     seed=how.seed, state=state["search"]):
+        best, state["samples"] = policy(found.mean), samples
+        log.add(samples, (found.number + 1) * how.candidates * how.runs, np.array([found.mean_score]), found.elite_score, won, best,
+                state)
     envs.close()
     return best
 

@@ -1,10 +1,15 @@
 """Pictures, depth, segmentation, films for notebooks, and the window."""
+import base64
+import importlib.util
+import io
 import os
+import re
 import struct
 import subprocess
 import sys
 import unittest
 import zlib
+from unittest import mock
 
 try:
     import gymnasium  # noqa: F401
@@ -105,7 +110,13 @@ class Pictures(ExperimentTest):
         video.save(self.folder / "film.png")
         for one, other in zip(decoded((self.folder / "film.png").read_bytes()), frames, strict=True):
             np.testing.assert_array_equal(one, other)
-        self.assertRegex(video._repr_html_(), '^<img width="17" src="data:image/png;base64,[A-Za-z0-9+/=]+"/>$')
+        with mock.patch.dict(sys.modules, {"PIL": None}):
+            self.assertRegex(video._repr_html_(), '^<img width="17" src="data:image/png;base64,[A-Za-z0-9+/=]+"/>$')
+        if importlib.util.find_spec("PIL"):
+            shown = re.fullmatch('<img width="17" src="data:image/webp;base64,([A-Za-z0-9+/=]+)"/>', video._repr_html_())
+            from PIL import Image
+            film = Image.open(io.BytesIO(base64.b64decode(shown[1])))
+            self.assertEqual((film.n_frames, film.size), (4, (17, 13)))
         with self.assertRaisesRegex(ValueError, "frame 1 has shape"):
             smartsurf.Video([frames[0], frames[1][:5]])._repr_html_()
 

@@ -223,13 +223,18 @@ class Tasks(ExperimentTest):
             scene = SCENE + "local bad = false\n" \
                             "on_reset(function() bad = random() < 0.3 end)\n" \
                             "on_tick(function(t) if bad and t > 0.1 then error('broken') end end)"
+
+            def observation(self, s):
+                return s.position()
         for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
             envs = Failing().make_vec(8, threads=2, autoreset_mode=mode)
             envs.reset(seed=1)
             failures = 0
             for tick in range(60):
-                _, rewards, terminated, truncated, infos = envs.step(command(tick, envs.action_space.shape))
+                observation, rewards, terminated, truncated, infos = envs.step(command(tick, envs.action_space.shape))
                 failed = np.isnan(rewards)
+                self.assertTrue(np.isfinite(observation).all())
+                self.assertTrue(all(np.isfinite(last).all() for last in infos.get("final_obs", ()) if last is not None))
                 self.assertFalse((failed & ~truncated).any())
                 if failed.any():
                     final = infos.get("final_info", infos)

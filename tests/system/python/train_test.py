@@ -1,10 +1,18 @@
 """smartsurf train, its adapters, and networks that command a surface: equal commands wherever a policy runs."""
+import contextlib
 import csv
 import importlib.util
+import io
 import os
+import pathlib
+import resource
+import shutil
+import signal
 import subprocess
 import sys
 import unittest
+import warnings
+from unittest import mock
 
 try:
     import gymnasium  # noqa: F401
@@ -38,6 +46,10 @@ class East(smartsurf.Task):
     def observation(self, state):
         return np.column_stack([state.position("ball"), state.goals["east"]])
 """ % PLATE
+# Fails in some episodes.
+FAILING = PLATE.replace("on_reset(function()", "local bad\non_tick(function(t) if bad and t > 0.1 then error('broken') end end)\n"
+                        "on_reset(function() bad = random() < 0.4")
+SHORT = PLATE.replace("seconds = 1", "seconds = 0.3")
 HAS_ONNX = importlib.util.find_spec("onnx") and importlib.util.find_spec("onnxruntime")
 needs_onnx = unittest.skipUnless(HAS_ONNX, "onnx or onnxruntime is missing: scripts/setup --python installs them")
 needs_torch = unittest.skipUnless(importlib.util.find_spec("torch"), "torch is missing: scripts/setup --learn installs it")
@@ -154,6 +166,166 @@ class Training(ExperimentTest):
         old.touch()
         self.assertEqual(len(self.train(self.script(PLATE), "--iterations", 1, "--candidates", 2, "--runs", 1)), 1)
         self.assertFalse(old.exists())
+
+    def train_here(self, *arguments, folder="out"):
+        """smartsurf train in this process."""
+        from smartsurf import train
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            train.main([*map(str, arguments), "-o", str(self.folder / folder)])
+        return out.getvalue()
+
+    def result(self, folder):
+        """What a training leaves: the policy and the curve without times."""
+        path = self.folder / folder
+        rows = [{name: text for name, text in row.items() if name not in ("cpu_s", "wall_s")}
+                for row in csv.DictReader((path / "curve.csv").read_text().splitlines())]
+        return rows, {name: (path / name).read_bytes() for name in ("policy.aps", "policy.onnx") if (path / name).exists()}
+
+    def assert_goes_on(self, arguments, files, moments):
+        """A training that was ended as if killed, after so many of its files took their place, ends as one that was not. files: of
+        one of its 3 iterations."""
+        shutil.rmtree(self.folder / "whole", ignore_errors=True)
+        self.train_here(*arguments, "--threads", 2, folder="whole")
+        expected, replace = self.result("whole"), pathlib.Path.replace
+        for written in moments:
+            with self.subTest(arguments=arguments, written=written):
+                moved = 0
+
+                def ended(path, target):
+                    nonlocal moved
+                    moved += 1
+                    if moved > written:
+                        raise KeyboardInterrupt
+                    return replace(path, target)
+                shutil.rmtree(self.folder / "out", ignore_errors=True)
+                with mock.patch.object(pathlib.Path, "replace", ended), self.assertRaises(KeyboardInterrupt):
+                    self.train_here(*arguments, "--threads", 1)
+                out = self.train_here(*arguments, "--threads", 1, "--resume")
+                self.assertIn(f"has {written // files} of 3 iterations", out)
+                self.assertEqual(self.result("out"), expected)
+                self.assertFalse(list((self.folder / "out").glob("*.part")))
+        before = {path: path.stat().st_mtime_ns for path in (self.folder / "out").iterdir()}
+        self.assertIn("has 3 of 3 iterations", self.train_here(*arguments, "--resume"))
+        self.assertEqual({path: path.stat().st_mtime_ns for path in (self.folder / "out").iterdir()}, before)
+
+    def test_cem_goes_on(self):
+        files = 4 if HAS_ONNX else 3
+        self.assert_goes_on([self.script(SHORT), "--iterations", 3, "--candidates", 3, "--runs", 1, "--hidden", 1, "--memory", 1,
+                             "--substeps", 2, "--test", 1], files, [0, *range(files, 2 * files)])
+
+    @needs_torch
+    def test_ppo_goes_on(self):
+        drawn = TASK.replace(PLATE, SHORT).replace("goals =", "randomise = {'object.ball.mass': (0.5, 2.0)}\n    goals =")
+        script, task = self.script(SHORT), f"{self.script(drawn, 'task.py')}:East"
+        small = ["--method", "ppo", "--iterations", 3, "--worlds", 3, "--horizon", 10, "--epochs", 1, "--minibatches", 2]
+        for more in ([script, "--memory", 1, "--sequence", 4, "--hidden", 2], [task, "--policy", "mlp", "--hidden", 4]):
+            files = 2 + ("mlp" not in more) + bool(HAS_ONNX)
+            self.assert_goes_on([*more, *small], files, [2 * files - 1])
+
+    def test_a_killed_training_goes_on(self):
+        how = [self.script(PLATE), "--iterations", "4", "--candidates", "4", "--runs", "1", "--hidden", "1"]
+        self.train(*how, folder="whole")
+        command = [os.environ["SMARTSURF"], "train", *how, "-o", str(self.folder / "out")]
+        for number in (signal.SIGKILL, signal.SIGTERM):
+            with subprocess.Popen([*command, "--resume"], stdout=subprocess.PIPE, text=True) as process:
+                iteration = next(line for line in process.stdout if "samples" in line)
+                process.send_signal(number)
+                process.wait(60)
+            self.assertEqual(process.returncode, -number, iteration)
+        self.train(*how, "--resume")
+        self.assertEqual(self.result("out"), self.result("whole"))
+
+    def test_only_the_same_training_goes_on(self):
+        script = pathlib.Path(self.script(PLATE))
+        how = [script, "--iterations", 1, "--candidates", 2, "--runs", 1]
+        self.train_here(*how)
+        with self.assertRaisesRegex(ValueError, "out was trained with --hidden 4, --seed 1; now with --hidden 3,2, --seed 2: give the same"):
+            self.train_here(*how, "--seed", 2, "--hidden", "3,2", "--threads", 1, "--resume")
+        script.write_text(PLATE + "\n")
+        with self.assertRaisesRegex(ValueError, "out was trained with SHA-256 of experiment.lua "):
+            self.train_here(*how, "--resume")
+        (self.folder / "out/checkpoint.npz").write_bytes(b"PK")
+        with self.assertRaisesRegex(ValueError, "checkpoint.npz: is no checkpoint of smartsurf train"):
+            self.train_here(*how, "--resume")
+        before = self.result("out")
+        script.write_text(PLATE + "error('new')")
+        with self.assertRaisesRegex(ValueError, "new"):  # the old training stays
+            self.train_here(*how)
+        self.assertEqual(self.result("out"), before)
+        script.write_text(PLATE)
+        self.assertIn("0: ", self.train_here(*how, "--iterations", 2))
+
+    def test_files_that_cannot_be_written_end_the_training_in_one_line(self):
+        how = [os.environ["SMARTSURF"], "train", self.script(PLATE), "--iterations", "1000", "--candidates", "2", "--runs", "1", "-o", "out"]
+        self.train(*how[2:3], "--iterations", 1, "--candidates", 2, "--runs", 1)
+        before = self.result("out")
+        full = subprocess.run(how, capture_output=True, text=True, cwd=self.folder, timeout=100,
+                              preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500)))
+        self.assertEqual((full.returncode, full.stderr), (2, "smartsurf train: out/policy.aps: File too large\n"))
+        self.assertEqual(self.result("out"), before)
+        with subprocess.Popen(how, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder) as process:
+            process.stdout.readline()
+            shutil.rmtree(self.folder / "out")
+            error = process.communicate(timeout=100)[1]
+        self.assertEqual(process.returncode, 2)
+        self.assertRegex(error, r"^smartsurf train: out/[a-z.]+: No such file or directory\n$")
+
+    @needs_torch
+    def test_failing_worlds_leave_finite_weights(self):
+        """Their rewards are NaN, and so are the positions that the task's observation has."""
+        import torch
+        from smartsurf import _ppo
+        task, learners, make = f"{self.script(TASK.replace(PLATE, FAILING), 'task.py')}:East", [], _ppo.Learner
+        with mock.patch.object(_ppo, "Learner", lambda *given: learners.append(make(*given)) or learners[-1]), \
+                self.assertWarnsRegex(UserWarning, "a world has failed, which ends its episode: .*broken"):
+            self.train_here(task, "--method", "ppo", "--policy", "mlp", "--hidden", 4, "--iterations", 2, "--worlds", 6, "--horizon", 12,
+                            "--epochs", 1, "--minibatches", 2)
+        for p in learners[0]._learned:
+            self.assertTrue(torch.isfinite(p).all())
+        self.assertTrue(np.isfinite(learners[0]._seen).all() and np.isfinite(learners[0].moments.mean).all())
+
+    def failing(self, mode):
+        return training.find_task(f"{self.script(TASK.replace(PLATE, FAILING), 'task.py')}:East")[1](6, autoreset_mode=mode, seed=1)
+
+    @unittest.skipUnless(importlib.util.find_spec("stable_baselines3"), "no stable-baselines3: scripts/setup --learn installs it")
+    def test_failing_worlds_do_not_spoil_stable_baselines3(self):
+        from stable_baselines3 import PPO
+        envs = smartsurf.sb3.VecEnv(self.failing("SameStep"))
+        model = PPO("MlpPolicy", envs, n_steps=16, batch_size=48, n_epochs=1, seed=1, device="cpu")
+        with self.assertWarnsRegex(UserWarning, "a world has failed, which ends its episode: .*broken"):
+            model.learn(96 * 3)
+        self.assertTrue(all(bool(p.isfinite().all()) for p in model.policy.parameters()))
+        envs.seed(1)
+        envs.reset()
+        failed = other = 0
+        with warnings.catch_warnings(action="ignore"):
+            for _ in range(80):
+                observations, rewards, over, infos = envs.step(np.ones((6, 1, 6, 8), np.float32))
+                self.assertTrue(np.isfinite(observations).all() and np.isfinite(rewards).all())
+                for i in np.flatnonzero(over):
+                    self.assertTrue(np.isfinite(infos[i]["terminal_observation"]).all())
+                    self.assertEqual("error" in infos[i], "metrics" not in infos[i])
+                    if "error" in infos[i]:
+                        self.assertEqual((rewards[i], infos[i]["TimeLimit.truncated"]), (0, True))
+                    failed, other = failed + ("error" in infos[i]), other + ("error" not in infos[i])
+        self.assertTrue(failed and other)
+
+    @unittest.skipUnless(importlib.util.find_spec("torchrl"), "torchrl is missing: scripts/setup --learn installs it")
+    def test_failing_worlds_do_not_spoil_torchrl(self):
+        import torch
+        from torchrl.collectors import Collector
+        envs = smartsurf.torchrl.Env(self.failing("Disabled"))
+        value = torch.nn.Linear(4, 1)
+        steps = torch.optim.SGD(value.parameters(), 0.01)
+        with self.assertWarnsRegex(UserWarning, "a world has failed, which ends its episode: .*broken"):
+            for data in Collector(envs, None, frames_per_batch=6 * 40, total_frames=6 * 80):
+                after = data["next"]
+                goes_on = ~after["terminated"]
+                difference = after["reward"] + 0.9 * goes_on * value(after["observation"]).detach() - value(data["observation"])
+                steps.zero_grad()
+                (difference ** 2).mean().backward()
+                steps.step()
+        self.assertTrue(all(bool(p.isfinite().all()) for p in value.parameters()))
 
     def test_adapters_need_no_import_of_their_own(self):
         self.assertTrue(callable(smartsurf.formats.export))

@@ -1,0 +1,34 @@
+"""Files that appear whole or not at all. Needs the standard library only."""
+from __future__ import annotations
+
+import contextlib
+import os
+import pathlib
+from collections.abc import Iterator
+from typing import Union
+
+PathName = Union[str, "os.PathLike[str]"]
+
+
+@contextlib.contextmanager
+def replaced(path: PathName) -> Iterator[pathlib.Path]:
+    """A path beside `path`, whose file takes its place at the end, when it is on the disk: no reader sees a part of it, and an
+    error, an OSError that names `path`, leaves the old file. Of a link, the target is replaced; a pipe or a device is written
+    in place."""
+    target = pathlib.Path(os.path.realpath(path))
+    in_place = target.exists() and not target.is_file()
+    part = target if in_place else target.with_name(target.name + ".part")
+    try:
+        yield part
+        if not in_place:
+            with part.open("rb") as file:
+                os.fsync(file.fileno())
+            part.replace(target)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
+    finally:
+        if not in_place:
+            with contextlib.suppress(OSError):
+                part.unlink()
