@@ -5,6 +5,7 @@
 // are independent.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -94,8 +95,9 @@ class Environment {
   void set_targets(int channel, std::span<const float> targets);
   // Advances by one control period. Throws scene::InputError also for a state that is not finite, and if the
   // controller fails. After an exception it throws until reset() or restore(). A controller that has left
-  // ends the episode: truncated, and nothing moves any more.
-  StepResult step();
+  // ends the episode: truncated, and nothing moves any more. `prefetched`: memory that the caller will need
+  // next, which is fetched meanwhile.
+  StepResult step(std::span<const std::byte> prefetched = {});
   // The values that the controller has set in the latest step: channels × rows × columns; empty without one.
   std::span<const float> controller_targets() const;
   // Runs on_finish, whose metrics are final; once per episode.
@@ -126,7 +128,7 @@ class Environment {
   void require_valid(const Values&) const;
   const scene::SceneSpec& declared() const { return declared_ ? *declared_ : scene(); }
   Simulation& running();
-  bool advance();
+  bool advance(std::span<const std::byte> prefetched);
   void refuse_controller(const char* call) const;
   std::uint64_t fingerprint() const;
 

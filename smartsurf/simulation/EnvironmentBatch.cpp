@@ -54,9 +54,10 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   // All that their steps touch comes to lie together, apart from scripts and scenes.
   for_each_world([&](std::size_t i) {
     worlds_[i].environment->start();
-    worlds_[i].simulation = &worlds_[i].environment->simulation();
+    worlds_[i].locate_simulation();
   });
   collapse_huge_pages();
+  prefetched_bytes_ = prefetched_bytes();
   const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
   object_count_ = first.scene().objects.size();
@@ -81,7 +82,8 @@ void EnvironmentBatch::collapse_huge_pages() const {
   constexpr std::ptrdiff_t kMinWorldsPerPage = 8;
   std::vector<std::uintptr_t> pages;
   for (const World& world : worlds_)
-    for (const void* part : {static_cast<const void*>(world.environment.get()), world.simulation})
+    for (const void* part : {static_cast<const void*>(world.environment.get()),
+                             static_cast<const void*>(world.simulation.load())})
       pages.push_back(reinterpret_cast<std::uintptr_t>(part) / kHugePageBytes * kHugePageBytes);
   std::ranges::sort(pages);
   for (auto page = pages.begin(); page != pages.end();) {
@@ -89,6 +91,22 @@ void EnvironmentBatch::collapse_huge_pages() const {
     if (next - page >= kMinWorldsPerPage) collapse_huge_page(*page);
     page = next;
   }
+}
+
+// What a step of a world touches lies between its simulation and the next one's, because one thread has
+// created both; of a large world it is the beginning. Few worlds are read from the cache in less time than
+// they are asked for.
+std::size_t EnvironmentBatch::prefetched_bytes() const {
+  constexpr std::ptrdiff_t kMaxBytes = 48 << 10;
+  constexpr std::size_t kMinWorlds = 256;
+  if (worlds_.size() < kMinWorlds) return 0;
+  std::vector<std::ptrdiff_t> distances;
+  for (std::size_t i = 1; i < worlds_.size(); ++i)
+    distances.push_back(reinterpret_cast<std::intptr_t>(worlds_[i].simulation.load()) -
+                        reinterpret_cast<std::intptr_t>(worlds_[i - 1].simulation.load()));
+  const auto median = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::ranges::nth_element(distances, median);
+  return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(*median, 0, kMaxBytes));
 }
 
 EnvironmentBatch::~EnvironmentBatch() {
@@ -226,22 +244,8 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   write_state(i, {}, a.state);
 }
 
-// Asks for the memory of a world that will be stepped soon. It lies between its simulation and the next
-// one's, because one thread has created both; of a large world only the beginning is fetched.
-void EnvironmentBatch::prefetch_world(std::size_t i) const {
-  constexpr std::uintptr_t kMaxBytes = 48U << 10U, kLineBytes = 64;
-  constexpr std::size_t kMinWorlds = 32;  // fewer stay in the cache
-  if (worlds_.size() < kMinWorlds || i + 1 >= worlds_.size()) return;
-  const auto begin = reinterpret_cast<std::uintptr_t>(worlds_[i].simulation);
-  const auto next = reinterpret_cast<std::uintptr_t>(worlds_[i + 1].simulation);
-  if (next <= begin) return;
-  for (std::uintptr_t at = begin; at < std::min(next, begin + kMaxBytes); at += kLineBytes)
-    __builtin_prefetch(reinterpret_cast<const void*>(at));
-}
-
 void EnvironmentBatch::step(const BatchArrays& a) {
   run_worlds([&](std::size_t i) {
-    prefetch_world(i + 1);
     worlds_[i].error.clear();
     try {
       step_world(i, a);
@@ -264,6 +268,7 @@ void EnvironmentBatch::start_episode(std::size_t i, std::uint64_t seed, const Ba
   World& world = worlds_[i];
   end_observed(i);
   world.environment->reset(world.seed = world.started_seed = seed);
+  world.locate_simulation();
   world.episode_over = false;
   write_state(i, {}, a.state);
   if (observer_ != nullptr) observer_->on_start(static_cast<int>(i), *world.environment);
@@ -290,7 +295,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
       for (std::size_t c = 0; c * cells_ < action_size_; ++c)
         environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
     }
-    result = environment.step();
+    result = environment.step(memory_of_next(i));
     if (observer_ != nullptr) observer_->on_step(static_cast<int>(i), environment, result);
     if (options_.controller) actions = environment.controller_targets();
     world.episode_over = result.terminated || result.truncated;

@@ -7,6 +7,7 @@
 #include <sys/types.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -116,11 +117,16 @@ class EnvironmentBatch {
   struct World {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
-    const void* simulation = nullptr;  // where the first one lay, and as a rule the later ones lie
-    std::uint64_t seed = 0;            // of the episode, also of one that could not start
-    std::uint64_t started_seed = 0;    // of the latest one that was not restored
+    // Where that of the episode lies. The thread of the world before may look while a reset moves it.
+    std::atomic<const std::byte*> simulation = nullptr;
+    std::uint64_t seed = 0;          // of the episode, also of one that could not start
+    std::uint64_t started_seed = 0;  // of the latest one that was not restored
     bool episode_over = false;
     std::string error;
+    void locate_simulation() {
+      simulation.store(reinterpret_cast<const std::byte*>(&environment->simulation()),
+                       std::memory_order_relaxed);
+    }
   };
   // The worlds of a thread, which its cache holds from step to step. A thread that has done its own takes
   // chunks of those of the others.
@@ -137,7 +143,12 @@ class EnvironmentBatch {
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void throw_first_error();
   void collapse_huge_pages() const;
-  void prefetch_world(std::size_t) const;
+  std::size_t prefetched_bytes() const;
+  // What the step of the world after this one touches, apart from its script, if it is not in the cache.
+  std::span<const std::byte> memory_of_next(std::size_t i) const {
+    if (i + 1 == worlds_.size()) return {};
+    return {worlds_[i + 1].simulation.load(std::memory_order_relaxed), prefetched_bytes_};
+  }
   void start_episode(std::size_t, std::uint64_t seed, const BatchArrays&);
   void start_next_episode(std::size_t, const BatchArrays&);
   void end_observed(std::size_t);
@@ -158,6 +169,7 @@ class EnvironmentBatch {
   std::unique_ptr<Band[]> bands_;  // one per thread
   std::vector<World> worlds_;
   std::size_t observation_size_ = 0, info_size_ = 0, action_size_ = 0, cells_ = 0, object_count_ = 0;
+  std::size_t prefetched_bytes_ = 0;  // of a world
 };
 
 }  // namespace smartsurf::simulation
