@@ -343,7 +343,8 @@ void ViewModel::add_tick_breakpoint(std::uint64_t tick) {
 std::string ViewModel::add_condition_breakpoint(const std::string& condition, bool on_change) {
   CompiledCondition compiled = compile_condition_(condition, program_);
   if (!compiled.program) return compiled.error;
-  breakpoints_.push_back({.kind = Breakpoint::Kind::kCondition, .condition = condition, .on_change = on_change});
+  breakpoints_.push_back(
+      {.kind = Breakpoint::Kind::kCondition, .condition = condition, .on_change = on_change});
   send_breakpoints();
   return {};
 }

@@ -122,9 +122,9 @@ PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
     std::error_code none;
     const auto is = std::filesystem::status(text, none).type();
     if (is == std::filesystem::file_type::directory || is == std::filesystem::file_type::regular)
-      throw std::invalid_argument(
-          text + " is a " + (is == std::filesystem::file_type::directory ? "folder" : "file") +
-          ", not a serial line");
+      throw std::invalid_argument(text + " is a " +
+                                  (is == std::filesystem::file_type::directory ? "folder" : "file") +
+                                  ", not a serial line");
     return name;
   }
   const std::size_t colon = text.rfind(':');

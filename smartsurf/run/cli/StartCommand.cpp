@@ -50,7 +50,8 @@ view::StartContents read_contents() {
   contents.recent = read_recent();
   const fs::path gallery = common::installed_file("gallery"), folder = gallery.parent_path();
   std::string text;
-  if (gallery.empty() || common::read_file(gallery / "gallery.tsv", common::kMaxTextBytes, text)) return contents;
+  if (gallery.empty() || common::read_file(gallery / "gallery.tsv", common::kMaxTextBytes, text))
+    return contents;
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {
     std::istringstream fields(line);
