@@ -68,7 +68,7 @@ class ThreadPool {
   // other; or calls alone() on the caller where that is faster, because other programs keep the cores busy.
   // Returns whether the job was shared. It changes no result.
   //
-  // A job is shared only if all threads come within kMostDelay of its begin, so that the caller never waits
+  // A job is shared only if all threads come within kMostDelay of its start, so that the caller never waits
   // for one that has no core then. A thread may still lose its core within a job: see LossBudget. Threads
   // that wait inside a job count their spins in spins_of_this_thread, so that waiting is not taken for work.
   //
@@ -132,7 +132,7 @@ class ThreadPool {
  private:
   // In `claim_`, beside the number of threads that have not come yet.
   static constexpr std::uint32_t kEveryThread = 0x8000'0000;
-  static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the begin of a job
+  static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the start of a job
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;

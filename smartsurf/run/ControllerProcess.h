@@ -13,8 +13,7 @@ namespace smartsurf::run {
 
 class ControllerProcess {
  public:
-  // Starts `controller`, which is an APRON program (*.aps), run by the apron beside this executable, a
-  // network
+  // Starts `controller`, which is an APRON program (*.aps), run by the apron beside this executable, a policy
   // (*.onnx), run by the Python package, or a shell command, in which {shm} stands for the segment's name.
   // SMARTSURF_SHM holds that name too. What a shell command has started ends with it, and with this process,
   // however either ends. Throws scene::InputError if the program does not exist, std::system_error if no
