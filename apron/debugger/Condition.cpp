@@ -68,8 +68,7 @@ bool Condition::depends_on(const program::Instruction& instruction) const noexce
   };
   // The destination of res.set* is known only at run time, and that of a matrix product is an array.
   if (instruction.op == Opcode::kResSetReg || instruction.op == Opcode::kResSetVar ||
-      instruction.op == Opcode::kMatrixProduct ||
-      instruction.op == Opcode::kSurfaceStep)
+      instruction.op == Opcode::kMatrixProduct || instruction.op == Opcode::kSurfaceStep)
     return true;
   if (instruction.destination.kind == program::OperandKind::kRegister) return among(registers_);
   return instruction.destination.kind == program::OperandKind::kVariable && among(variables_);

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <istream>
 #include <ostream>
 
 #include "common/error/UserError.h"
+#include "common/text/Number.h"
 
 namespace apron::language_server {
 namespace {
@@ -47,8 +47,7 @@ std::optional<std::string> MessageStream::read() {
     std::string_view digits = std::string_view(line).substr(kLength.size());
     digits.remove_prefix(std::min(digits.find_first_not_of(' '), digits.size()));
     std::size_t value = 0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (error != std::errc{} || end != digits.data() + digits.size() || value > kMaxMessageBytes)
+    if (!common::parse_number(digits, value) || value > kMaxMessageBytes)
       throw common::UserError("apron lsp: '" + line + "': must be a number of at most " +
                               std::to_string(kMaxMessageBytes) + " bytes");
     length = value;

@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
+
+#include "common/text/Number.h"
 
 namespace apron::library {
 namespace {
@@ -16,9 +17,7 @@ bool parse_component(std::string_view suffix, std::size_t components, std::size_
     return component != std::string_view::npos;
   }
   if (suffix.size() < 3 || suffix.front() != '[' || suffix.back() != ']') return false;
-  const char* const end = suffix.data() + suffix.size() - 1;
-  const auto [next, error] = std::from_chars(suffix.data() + 1, end, component);
-  return error == std::errc{} && next == end && component < components;
+  return common::parse_number(suffix.substr(1, suffix.size() - 2), component) && component < components;
 }
 
 std::string unknown_channel_message(std::span<const NamedChannel> channels, bool is_sensor,

@@ -1,4 +1,5 @@
-// The mathematical functions of one number; vm/kernels/MathematicsKernels.cpp has those of vectors, with the same bits.
+// The mathematical functions of one number; vm/kernels/MathematicsKernels.cpp has those of vectors, with the
+// same bits.
 #pragma once
 
 #include "apron/program/Program.h"

@@ -19,11 +19,6 @@ constexpr std::size_t kFrameBytes = 14;  // around an edge: packet header, tick,
 constexpr double kBitsPerByte = 10.0;    // of a serial line, with start and stop bit
 constexpr std::size_t kMaxPositions = 65000;
 
-void replace_all(std::string& text, const std::string& from, const std::string& to) {
-  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
-    text.replace(at, from.size(), to);
-}
-
 // The functions of mathematics.def with a prefix, as C.
 std::string mathematics_text() {
   std::string text(runtime::kMathematics);

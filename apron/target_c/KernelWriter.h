@@ -85,6 +85,7 @@ class KernelWriter {
   bool uses_random_integers_ = false;
 };
 
+void replace_all(std::string& text, const std::string& from, const std::string& to);
 // The plane's pointer to the cell at row 0, column 0, by the macro of its layout: "OWN_TRUTHS(3)".
 std::string plane_text(const Place& place);
 std::string plane_macro(const Layout& layout);

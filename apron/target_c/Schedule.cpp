@@ -322,9 +322,7 @@ class RegionScheduler {
   }
 
   std::vector<Step> steps;
-  bool has_margin(NodeId id) const {
-    return is_read_[id] || rounds_.extent[id] > 0 || is_exchanged(id);
-  }
+  bool has_margin(NodeId id) const { return is_read_[id] || rounds_.extent[id] > 0 || is_exchanged(id); }
 
  private:
   const std::vector<Node>& nodes() const { return region_.nodes; }
@@ -447,8 +445,7 @@ class RegionScheduler {
     step.kernel.extent = rounds_.extent[kernels_[index].nodes.front()];
     steps.push_back(step);
     for (const NodeId id : step.kernel.outputs)
-      if (is_read_[id] && (rounds_.extent[id] > 0 || !is_exchanged(id)))
-        steps.push_back(impose(id));
+      if (is_read_[id] && (rounds_.extent[id] > 0 || !is_exchanged(id))) steps.push_back(impose(id));
   }
 
   struct Group {

@@ -68,7 +68,7 @@ struct Reach {
   std::array<std::uint32_t, 4> sides{}, corners{};
   std::uint32_t most() const { return std::ranges::max(sides); }
   bool has_corners() const;
-  // Those that are needed if the cell at (dx, dy) of each of these is.
+  // The reach of a value that is read at (dx, dy) from each cell that needs this reach.
   Reach moved(int dx, int dy) const;
   void add(const Reach& other);
 };

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
+
+#include "common/text/Number.h"
 
 namespace apron::ui {
 
@@ -124,8 +125,7 @@ std::size_t ViewModel::current_row() const {
 std::optional<std::size_t> ViewModel::find_row(std::string_view query, std::size_t from) const {
   const std::vector<debugger::Listing::Row>& rows = listing_.rows();
   std::uint32_t line = 0;
-  const auto [end, error] = std::from_chars(query.data(), query.data() + query.size(), line);
-  const bool is_line = error == std::errc{} && end == query.data() + query.size();
+  const bool is_line = common::parse_number(query, line);
   const auto same = [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); };
   const auto matches = [&](const debugger::Listing::Row& row) {
     if (is_line) return row.depth == 0 && row.line == line;
@@ -343,7 +343,8 @@ void ViewModel::add_tick_breakpoint(std::uint64_t tick) {
 std::string ViewModel::add_condition_breakpoint(const std::string& condition, bool on_change) {
   CompiledCondition compiled = compile_condition_(condition, program_);
   if (!compiled.program) return compiled.error;
-  breakpoints_.push_back({.kind = Breakpoint::Kind::kCondition, .condition = condition, .on_change = on_change});
+  breakpoints_.push_back(
+      {.kind = Breakpoint::Kind::kCondition, .condition = condition, .on_change = on_change});
   send_breakpoints();
   return {};
 }

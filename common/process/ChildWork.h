@@ -17,8 +17,8 @@ struct ChildLimits {
 };
 
 struct ChildResult {
-  // kOutOfMemory: it threw std::bad_alloc; kFailed: it crashed, threw something else or exceeded a limit; kStopped:
-  // the stop flag (StopSignals.h) was raised meanwhile.
+  // kOutOfMemory: it threw std::bad_alloc; kFailed: it crashed, threw something else or exceeded a limit;
+  // kStopped: the stop flag (StopSignals.h) was raised meanwhile.
   enum class End { kReturned, kOutOfMemory, kFailed, kStopped } end;
   std::string bytes;  // what `work` returned
 };

@@ -48,7 +48,8 @@ std::optional<PlaneNames> SharedPlanes::names(std::uint32_t rows, std::uint32_t 
   for (std::uint32_t i = 0; i < header.count; ++i) {
     const auto& name = header.names.at(i);
     std::string text(name.begin(), std::find(name.begin(), name.end(), '\0'));
-    if (!is_plane_name(text) || std::ranges::find(planes.names, text) != planes.names.end()) return std::nullopt;
+    if (!is_plane_name(text) || std::ranges::find(planes.names, text) != planes.names.end())
+      return std::nullopt;
     planes.names.push_back(std::move(text));
   }
   return planes;

@@ -28,8 +28,8 @@ class SharedPlanes {
   SharedPlanes& operator=(const SharedPlanes&) = delete;
   int descriptor() const { return descriptor_; }
 
-  // The child's names: distinct, of printable ASCII without spaces and '/'. nullopt until the child has described its
-  // arrays, or if their form is not rows × columns.
+  // The child's names: distinct, of printable ASCII without spaces and '/'. nullopt until the child has
+  // described its arrays, or if their form is not rows × columns.
   std::optional<PlaneNames> names(std::uint32_t rows, std::uint32_t columns) const;
   // Reads all arrays, one after the other. False if the file is shorter.
   bool read(std::span<float> values) const;

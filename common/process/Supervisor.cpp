@@ -40,8 +40,8 @@ pid_t parent_of(const std::filesystem::path& folder) {
   return parent;
 }
 
-// Children of this process alone: the numbers of others may have passed on to other processes when a signal reaches
-// them. What a child leaves when it ends becomes a child of this process. Empty without /proc.
+// Children of this process alone: the numbers of others may have passed on to other processes when a signal
+// reaches them. What a child leaves when it ends becomes a child of this process. Empty without /proc.
 std::vector<pid_t> children() {
   std::vector<pid_t> all;
   std::error_code error;
@@ -108,7 +108,7 @@ class Supervisor {
   }
 
   pid_t parent_, command_;
-  std::optional<int> status_;  // of the command
+  std::optional<int> status_;                                       // of the command
   bool is_stopped_ = false, is_told_ = false, is_hurried_ = false;  // told: by SIGTERM; hurried: by another
   std::optional<Clock::time_point> stopped_at_;
   std::vector<pid_t> told_;

@@ -52,17 +52,14 @@ class StandardError {
   std::size_t used_ = 0;
 };
 
-std::string made_printable(std::string_view text, LineBreaks line_breaks) {
-  std::string result;
-  result.reserve(text.size());
-  for_each_printable(text, line_breaks, [&](char c) { result += c; });
-  return result;
-}
-
 }  // namespace
 
-std::string printable(std::string_view text) { return made_printable(text, LineBreaks::kReplaced); }
-std::string printable_lines(std::string_view text) { return made_printable(text, LineBreaks::kKept); }
+std::string printable(std::string_view text) {
+  std::string result;
+  result.reserve(text.size());
+  for_each_printable(text, LineBreaks::kReplaced, [&](char c) { result += c; });
+  return result;
+}
 
 void print_output(std::string_view text) {
   static const bool is_terminal = ::isatty(STDOUT_FILENO) != 0;

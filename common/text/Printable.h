@@ -10,15 +10,13 @@ namespace common {
 // `text` with every control character, line breaks and the C1 codes of UTF-8 included, replaced by '?'. An
 // escape sequence in a file's attribute must not reach the terminal.
 std::string printable(std::string_view text);
-// The same, but line breaks and tabs stay.
-std::string printable_lines(std::string_view text);
 
-// Prints to standard output, which is printable_lines() of the text if it is a terminal. A failure is seen in
-// ferror(stdout) at the end of the program.
+// Prints to standard output; to a terminal as by printable(), but with line breaks and tabs. A failure is
+// seen in ferror(stdout) at the end of the program.
 void print_output(std::string_view text);
 
-// Prints printable_lines() of the text to standard error. A message that cannot be written is lost and does
-// not end the work that it is about.
+// Prints to standard error as print_output() does to a terminal. A message that cannot be written is lost and
+// does not end the work that it is about.
 void print_message(std::string_view text) noexcept;
 
 // Prints "PROGRAM: TEXT" to standard error as one line, made printable. Allocates nothing and is

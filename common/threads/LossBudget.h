@@ -1,4 +1,5 @@
-// When jobs of a thread pool are shared, so that they never cost much where other programs keep the cores busy.
+// When jobs of a thread pool are shared, so that they never cost much where other programs keep the cores
+// busy.
 #pragma once
 
 #include <algorithm>
@@ -6,9 +7,9 @@
 
 namespace common {
 
-// After shared jobs have lost kMostLoss_ns against the caller alone, the caller works alone for so long that the loss is
-// kMostLossShare_percent of that time, at most for kMostPause_ns. Then, and at first, it must have had its own core to
-// itself for kCalm_ns of work. now_ns is the time of any steady clock.
+// After shared jobs have lost kMostLoss_ns against the caller alone, the caller works alone for so long that
+// the loss is kMostLossShare_percent of that time, at most for kMostPause_ns. Then, and at first, it must
+// have had its own core to itself for kCalm_ns of work. now_ns is the time of any steady clock.
 class LossBudget {
  public:
   static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000;
@@ -30,8 +31,8 @@ class LossBudget {
     lost_ns_ = calm_ns_ = 0;
   }
 
-  // For a job that the caller did alone, in wall_ns, of which it had a core for cpu_ns. Where it loses its core, there
-  // are more programs than cores; a little goes to the system itself.
+  // For a job that the caller did alone, in wall_ns, of which it had a core for cpu_ns. Where it loses its
+  // core, there are more programs than cores; a little goes to the system itself.
   void watch_alone(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
     constexpr std::int64_t kSystem_ns = 50'000, kSystemShare_percent = 5;
     const bool lost_core = wall_ns - cpu_ns > kSystem_ns + wall_ns * kSystemShare_percent / 100;

@@ -24,7 +24,8 @@ double measure_spin_ns() noexcept {
     const std::int64_t spins = spins_of_this_thread, begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
     for (int looks = 0; !spin_until([&looks] { return ++looks > 4 * kSpinsPerLook; });) continue;
     const std::int64_t took_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_ns;
-    least_ns = std::min(least_ns, static_cast<double>(took_ns) / static_cast<double>(spins_of_this_thread - spins));
+    least_ns =
+        std::min(least_ns, static_cast<double>(took_ns) / static_cast<double>(spins_of_this_thread - spins));
   }
   return least_ns;
 }
@@ -87,8 +88,8 @@ bool ThreadPool::is_pause() const noexcept {
   return !always_shares() && budget_.is_pause(clock_ns(CLOCK_MONOTONIC));
 }
 
-// Returns false, and has called nothing, if a thread did not come. The job stays in place until every call of it has
-// returned; only then may the next one replace it.
+// Returns false, and has called nothing, if a thread did not come. The job stays in place until every call of
+// it has returned; only then may the next one replace it.
 bool ThreadPool::run(const Job& job) noexcept {
   const std::int64_t begin_ns = clock_ns(CLOCK_MONOTONIC);
   const WorkClock clock(spin_ns_);
@@ -114,8 +115,8 @@ bool ThreadPool::run(const Job& job) noexcept {
        left = unfinished_.load(std::memory_order_acquire))
     wait_while(unfinished_, left);
   if (own_calls == 0) return true;
-  // The caller alone would take about as long as all threads work together. Indices are too short to be timed by
-  // each thread: those of the others take as long as the caller's.
+  // The caller alone would take about as long as all threads work together. Indices are too short to be timed
+  // by each thread: those of the others take as long as the caller's.
   const std::int64_t worked_ns =
       is_fork ? own_ns + worked_ns_.load(std::memory_order_relaxed) : own_ns * calls / own_calls;
   const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
@@ -143,7 +144,9 @@ bool ThreadPool::all_come(std::uint32_t round) noexcept {
 
 // For the others: whether they work on the fork/join.
 bool ThreadPool::come(std::uint32_t round) noexcept {
-  const auto is_open = [round](std::uint64_t claim) { return claim >> 32U == round && (claim & kEveryThread) != 0; };
+  const auto is_open = [round](std::uint64_t claim) {
+    return claim >> 32U == round && (claim & kEveryThread) != 0;
+  };
   std::uint64_t claim = claim_.load(std::memory_order_acquire);
   do {
     if (!is_open(claim)) return false;

@@ -26,9 +26,10 @@ inline void spin_pause() noexcept {
 // Calls of spin_pause() by this thread while it waited for another member of a shared job.
 inline thread_local std::int64_t spins_of_this_thread = 0;
 
-// How a thread waits for another that works on the same job: it looks again and again, for longer than most waits
-// take. Returns false after kMostSpin: then the other thread has no core, and this one had better sleep. It does not
-// yield its core in between: where other programs keep the cores busy, it would get it back milliseconds later.
+// How a thread waits for another that works on the same job: it looks again and again, for longer than most
+// waits take. Returns false after kMostSpin: then the other thread has no core, and this one had better
+// sleep. It does not yield its core in between: where other programs keep the cores busy, it would get it
+// back milliseconds later.
 inline constexpr int kSpinsPerLook = 64;
 inline constexpr std::chrono::microseconds kMostSpin{200};
 template <class Reached>
@@ -64,12 +65,12 @@ class ThreadPool {
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
   // Fork/join: calls work(thread) once on every thread, all at the same time, so that they may wait for each
-  // other; or calls alone() on the caller where that is faster, because other programs keep the cores busy. Returns
-  // whether the job was shared. It changes no result.
+  // other; or calls alone() on the caller where that is faster, because other programs keep the cores busy.
+  // Returns whether the job was shared. It changes no result.
   //
-  // A job is shared only if all threads come within kMostDelay of its begin, so that the caller never waits for one
-  // that has no core then. A thread may still lose its core within a job: see LossBudget. Threads that wait inside
-  // a job count their spins in spins_of_this_thread, so that waiting is not taken for work.
+  // A job is shared only if all threads come within kMostDelay of its start, so that the caller never waits
+  // for one that has no core then. A thread may still lose its core within a job: see LossBudget. Threads
+  // that wait inside a job count their spins in spins_of_this_thread, so that waiting is not taken for work.
   //
   // A pool with min_cost_ns 0 always shares.
   template <class Work, class Alone>
@@ -87,9 +88,9 @@ class ThreadPool {
     return false;
   }
 
-  // Calls work(index, thread) once for every index below `count`, which is less than 2³¹. Threads claim indices one
-  // by one, so that a thread without a core delays the others by one index at most. The caller works alone after a
-  // loss.
+  // Calls work(index, thread) once for every index below `count`, which is less than 2³¹. Threads claim
+  // indices one by one, so that a thread without a core delays the others by one index at most. The caller
+  // works alone after a loss.
   template <class Work>
   void parallel_for(std::uint32_t count, const Work& work) noexcept {
     if (is_single() || is_pause())
@@ -131,7 +132,7 @@ class ThreadPool {
  private:
   // In `claim_`, beside the number of threads that have not come yet.
   static constexpr std::uint32_t kEveryThread = 0x8000'0000;
-  static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the begin of a job
+  static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the start of a job
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;
@@ -174,7 +175,8 @@ class ThreadPool {
   std::atomic<bool> stop_{false};
   // Each has cache lines of its own; cores fetch lines in pairs.
   alignas(128) std::atomic<std::uint32_t> round_{0};  // a new value: a new job, or stop
-  // round << 32 | indices not claimed yet, or kEveryThread + threads that have not come yet, or 0 if they came late
+  // round << 32 | indices not claimed yet, or kEveryThread + threads that have not come yet, or 0 if they
+  // came late
   alignas(128) std::atomic<std::uint64_t> claim_{0};
   alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // calls
   std::atomic<std::int64_t> worked_ns_{0};  // processor time of all threads but the caller, of a fork/join

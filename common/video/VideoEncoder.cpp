@@ -17,6 +17,7 @@
 
 #include "common/error/UserError.h"
 #include "common/files/PreparedOutputs.h"
+#include "common/process/Arguments.h"
 
 namespace common {
 namespace {
@@ -62,9 +63,7 @@ VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int fram
 
 void VideoEncoder::start(int frames_per_second) {
   const std::vector<std::string> words = ffmpeg_command(part_, width_, height_, frames_per_second);
-  std::vector<char*> arguments;
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
+  const std::vector<char*> arguments = argument_pointers(words);
   // A socket rather than a pipe: send() can suppress SIGPIPE for this descriptor alone.
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)

@@ -1,13 +1,14 @@
-/* One board as a process: the generated program, its cells' frames on one socket, and a socket to each neighbour.
+/* One board as a process: the generated program, its cells' frames on one socket, and a socket to each
+ * neighbour.
  *
  * usage: board ROW COLUMN ROWS COLUMNS WORLD WEST EAST NORTH SOUTH [SEED LOSS DELAY REPEAT]
  *
- * ROW and COLUMN are the tile's north-west cell. WORLD is a descriptor of a stream that brings the clock and the sensor frames and
- * takes the actuator frames and the numbers of lost edges, tick by tick; the neighbours' are of
- * sockets that keep messages apart, -1 for none. LOSS, DELAY and REPEAT are the fractions of edges that a link loses, brings a
- * tick late, or brings twice. Both ends draw them from the same seed, so that runs repeat. An edge that does not come within
- * PATIENCE_MS is given up, and so is its side for the rest of the tick. boards.h, which scripts/boards/boards writes, names the
- * program. */
+ * ROW and COLUMN are the tile's north-west cell. WORLD is a descriptor of a stream that brings the clock and
+ * the sensor frames and takes the actuator frames and the numbers of lost edges, tick by tick; the
+ * neighbours' are of sockets that keep messages apart, -1 for none. LOSS, DELAY and REPEAT are the fractions
+ * of edges that a link loses, brings a tick late, or brings twice. Both ends draw them from the same seed, so
+ * that runs repeat. An edge that does not come within PATIENCE_MS is given up, and so is its side for the
+ * rest of the tick. boards.h, which scripts/boards/boards writes, names the program. */
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>
@@ -34,13 +35,13 @@ struct board {
   unsigned long dropped;
 };
 
-static void fail(const char *what) {
+static void fail(const char* what) {
   fprintf(stderr, "board: %s: %s\n", what, strerror(errno));
   exit(1);
 }
 
-static void read_whole(int from, void *bytes, size_t count) {
-  unsigned char *to = bytes;
+static void read_whole(int from, void* bytes, size_t count) {
+  unsigned char* to = bytes;
   while (count > 0) {
     const ssize_t got = read(from, to, count);
     if (got == 0) exit(0); /* the world has ended */
@@ -52,8 +53,8 @@ static void read_whole(int from, void *bytes, size_t count) {
   }
 }
 
-static void write_whole(int to, const void *bytes, size_t count) {
-  const unsigned char *from = bytes;
+static void write_whole(int to, const void* bytes, size_t count) {
+  const unsigned char* from = bytes;
   while (count > 0) {
     const ssize_t put = write(to, from, count);
     if (put < 0 && errno == EPIPE) exit(0);
@@ -65,21 +66,23 @@ static void write_whole(int to, const void *bytes, size_t count) {
   }
 }
 
-/* What becomes of an edge: a number from 0 to 1 that its sender and its receiver draw alike (SplitMix64), from the border that it
- * crosses, its direction, tick and round. */
-static double fate(const struct board *b, int side, int sends, unsigned round) {
-  const int column = b->column + (side == TILE_EAST ? TILE_COLUMNS : 0), row = b->row + (side == TILE_SOUTH ? TILE_ROWS : 0);
+/* What becomes of an edge: a number from 0 to 1 that its sender and its receiver draw alike (SplitMix64),
+ * from the border that it crosses, its direction, tick and round. */
+static double fate(const struct board* b, int side, int sends, unsigned round) {
+  const int column = b->column + (side == TILE_EAST ? TILE_COLUMNS : 0),
+            row = b->row + (side == TILE_SOUTH ? TILE_ROWS : 0);
   const int direction = sends ? side : side ^ 1; /* opposite sides are 0 and 1, 2 and 3 */
-  unsigned long long x = b->seed * 0x9E3779B97F4A7C15ULL + (unsigned)row * 1000003ULL + (unsigned)column * 10007ULL +
-                         (unsigned)direction * 101ULL + b->tick * 0x100000001B3ULL + round * 0x1000193ULL;
+  unsigned long long x = b->seed * 0x9E3779B97F4A7C15ULL + (unsigned)row * 1000003ULL +
+                         (unsigned)column * 10007ULL + (unsigned)direction * 101ULL +
+                         b->tick * 0x100000001B3ULL + round * 0x1000193ULL;
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ULL;
   x = (x ^ (x >> 27)) * 0x94D049BB133111EBULL;
   x ^= x >> 31;
   return (double)(x >> 11) / 9007199254740992.0;
 }
 
-static void begin(void *context, TILE_STATE *state, uint32_t tick) {
-  struct board *b = context;
+static void begin(void* context, TILE_STATE* state, uint32_t tick) {
+  struct board* b = context;
   double clock[3];
   b->tick = tick;
   b->silent = 0;
@@ -89,18 +92,18 @@ static void begin(void *context, TILE_STATE *state, uint32_t tick) {
   SET_CLOCK(state, clock)
 }
 
-static void end(void *context, TILE_STATE *state, uint32_t tick) {
-  struct board *b = context;
+static void end(void* context, TILE_STATE* state, uint32_t tick) {
+  struct board* b = context;
   unsigned char written;
   (void)tick;
-#define WRITE(member, flag)                                     \
-  written = state->flag;                                        \
-  write_whole(b->world, &written, 1);                           \
+#define WRITE(member, flag)           \
+  written = state->flag;              \
+  write_whole(b->world, &written, 1); \
   write_whole(b->world, state->member, CELLS * sizeof(float));
   ACTUATORS(WRITE)
 }
 
-static int put(struct board *b, int side, const unsigned char *message, size_t count) {
+static int put(struct board* b, int side, const unsigned char* message, size_t count) {
   if (send(b->links[side], message, count, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return TILE_READY;
   if (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR || errno == ENOBUFS) {
     b->blocked = 1;
@@ -109,8 +112,8 @@ static int put(struct board *b, int side, const unsigned char *message, size_t c
   return TILE_GIVEN_UP; /* the neighbour is gone */
 }
 
-static int send_edge(void *context, int side, uint16_t round, const uint8_t *bytes, uint16_t count) {
-  struct board *b = context;
+static int send_edge(void* context, int side, uint16_t round, const uint8_t* bytes, uint16_t count) {
+  struct board* b = context;
   unsigned char message[HEADER_BYTES + TILE_MAX_EDGE_BYTES];
   const double what = fate(b, side, 1, round);
   int status;
@@ -132,17 +135,18 @@ static int send_edge(void *context, int side, uint16_t round, const uint8_t *byt
     return TILE_READY;
   }
   status = put(b, side, message, HEADER_BYTES + (size_t)count);
-  if (status == TILE_READY && what < b->loss + b->delay + b->repeat) (void)put(b, side, message, HEADER_BYTES + (size_t)count);
+  if (status == TILE_READY && what < b->loss + b->delay + b->repeat)
+    (void)put(b, side, message, HEADER_BYTES + (size_t)count);
   return status;
 }
 
-static int receive_edge(void *context, int side, uint16_t round, uint8_t *edge, uint16_t count) {
-  struct board *b = context;
+static int receive_edge(void* context, int side, uint16_t round, uint8_t* edge, uint16_t count) {
+  struct board* b = context;
   const double what = fate(b, side, 0, round);
   if (what < b->loss + b->delay) return TILE_GIVEN_UP; /* this link's timeout, without the wait */
   if ((b->silent >> side) & 1) return TILE_GIVEN_UP;
   for (;;) {
-    const unsigned char *message = b->buffer[side];
+    const unsigned char* message = b->buffer[side];
     unsigned tick, of;
     if (b->waiting[side] == 0) {
       const ssize_t got = recv(b->links[side], b->buffer[side], sizeof b->buffer[side], MSG_DONTWAIT);
@@ -154,9 +158,11 @@ static int receive_edge(void *context, int side, uint16_t round, uint8_t *edge, 
       if (got == 0) return TILE_GIVEN_UP;
       b->waiting[side] = (size_t)got;
     }
-    tick = (unsigned)message[0] | (unsigned)message[1] << 8 | (unsigned)message[2] << 16 | (unsigned)message[3] << 24;
+    tick = (unsigned)message[0] | (unsigned)message[1] << 8 | (unsigned)message[2] << 16 |
+           (unsigned)message[3] << 24;
     of = (unsigned)message[4] | (unsigned)message[5] << 8;
-    if (tick > b->tick || (tick == b->tick && of > round)) return TILE_GIVEN_UP; /* the one before it was lost */
+    if (tick > b->tick || (tick == b->tick && of > round))
+      return TILE_GIVEN_UP; /* the one before it was lost */
     if (tick == b->tick && of == round && b->waiting[side] == HEADER_BYTES + (size_t)count) {
       memcpy(edge, message + HEADER_BYTES, count);
       b->waiting[side] = 0;
@@ -170,11 +176,12 @@ static int receive_edge(void *context, int side, uint16_t round, uint8_t *edge, 
 static TILE_STATE state;
 static struct board board;
 
-int main(int count, char **arguments) {
+int main(int count, char** arguments) {
   const TILE_LINKS links = {&board, begin, send_edge, receive_edge, end};
   int i, status;
   if (count != 10 && count != 14) {
-    fprintf(stderr, "usage: board ROW COLUMN ROWS COLUMNS WORLD WEST EAST NORTH SOUTH [SEED LOSS DELAY REPEAT]\n");
+    fprintf(stderr,
+            "usage: board ROW COLUMN ROWS COLUMNS WORLD WEST EAST NORTH SOUTH [SEED LOSS DELAY REPEAT]\n");
     return 2;
   }
   board.world = atoi(arguments[5]);
@@ -185,7 +192,8 @@ int main(int count, char **arguments) {
     board.delay = atof(arguments[12]);
     board.repeat = atof(arguments[13]);
   }
-  if (TILE_INIT(&state, &links, atoi(arguments[1]), atoi(arguments[2]), atoi(arguments[3]), atoi(arguments[4])) != TILE_OK) {
+  if (TILE_INIT(&state, &links, atoi(arguments[1]), atoi(arguments[2]), atoi(arguments[3]),
+                atoi(arguments[4])) != TILE_OK) {
     fprintf(stderr, "board: there is no such tile, or the compiler fuses operations\n");
     return 1;
   }
@@ -198,7 +206,8 @@ int main(int count, char **arguments) {
     status = TILE_RUN(&state);
     if (status == TILE_ENDED) return 0;
     if (status == TILE_DONE) {
-      const uint32_t numbers[5] = {state.lost[0], state.lost[1], state.lost[2], state.lost[3], (uint32_t)board.dropped};
+      const uint32_t numbers[5] = {state.lost[0], state.lost[1], state.lost[2], state.lost[3],
+                                   (uint32_t)board.dropped};
       write_whole(board.world, numbers, sizeof numbers);
       continue;
     }
@@ -208,6 +217,7 @@ int main(int count, char **arguments) {
         ready[open++].events = POLLIN;
       }
     /* A full queue empties within a millisecond. */
-    if (poll(ready, (nfds_t)open, board.blocked ? 1 : PATIENCE_MS) == 0 && !board.blocked) board.silent |= board.missing;
+    if (poll(ready, (nfds_t)open, board.blocked ? 1 : PATIENCE_MS) == 0 && !board.blocked)
+      board.silent |= board.missing;
   }
 }

@@ -6,8 +6,20 @@
 
 enum { MAX_SPEED, MAX_ACCELERATION };
 static const smartsurf_plugin_parameter parameters[] = {
-    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "max_speed", "of the belt, u/s", {2, 0, 0}, 0.001, 1e3},
-    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "max_acceleration", "of the belt, u/s²", {20, 0, 0}, 0, 1e6},
+    {.size = sizeof(smartsurf_plugin_parameter),
+     .type = SMARTSURF_NUMBER,
+     .name = "max_speed",
+     .description = "of the belt, u/s",
+     .default_value = {2, 0, 0},
+     .minimum = 0.001,
+     .maximum = 1e3},
+    {.size = sizeof(smartsurf_plugin_parameter),
+     .type = SMARTSURF_NUMBER,
+     .name = "max_acceleration",
+     .description = "of the belt, u/s²",
+     .default_value = {20, 0, 0},
+     .minimum = 0,
+     .maximum = 1e6},
 };
 static const smartsurf_plugin_channel channels[] = {
     {sizeof(smartsurf_plugin_channel), 1, "speed", "u/s", -1, 1, 0, 0},
@@ -46,8 +58,12 @@ static void plan(void* instance, const smartsurf_plugin_motion* motion) {
 }
 
 /* A belt's only state is the velocity of its surface, which the program saves. */
-static uint64_t save(void* instance, void* bytes, uint64_t room) { return (void)instance, (void)bytes, (void)room, 0; }
-static int restore(void* instance, const void* bytes, uint64_t count) { return (void)instance, (void)bytes, count != 0; }
+static uint64_t save(void* instance, void* bytes, uint64_t room) {
+  return (void)instance, (void)bytes, (void)room, 0;
+}
+static int restore(void* instance, const void* bytes, uint64_t count) {
+  return (void)instance, (void)bytes, count != 0;
+}
 
 static const smartsurf_plugin_actuator belt = {
     .size = sizeof belt,

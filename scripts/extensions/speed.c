@@ -6,8 +6,20 @@
 
 enum { RANGE, DIRECTION };
 static const smartsurf_plugin_parameter parameters[] = {
-    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "range", "length of the ray, u", {8, 0, 0}, 0.001, 1e6},
-    {sizeof(smartsurf_plugin_parameter), SMARTSURF_VECTOR, "direction", "of the ray", {0, 0, 1}, -1e6, 1e6},
+    {.size = sizeof(smartsurf_plugin_parameter),
+     .type = SMARTSURF_NUMBER,
+     .name = "range",
+     .description = "length of the ray, u",
+     .default_value = {8, 0, 0},
+     .minimum = 0.001,
+     .maximum = 1e6},
+    {.size = sizeof(smartsurf_plugin_parameter),
+     .type = SMARTSURF_VECTOR,
+     .name = "direction",
+     .description = "of the ray",
+     .default_value = {0, 0, 1},
+     .minimum = -1e6,
+     .maximum = 1e6},
 };
 static const smartsurf_plugin_channel channels[] = {
     {sizeof(smartsurf_plugin_channel), 1, "", "u/s", 0, 100, 0, 0},

@@ -42,7 +42,7 @@ class Cells(Batch):
         return np.stack([infos[name][:, :3] for name in self.balls], axis=1)
 
     def progress(self, position):
-        """Of each ball towards its side, in u; that of a ball that has left the surface is as if it lay at the wrong wall."""
+        """How far each ball is towards its side, u; one that has left the surface counts as if it lay at the wrong wall."""
         extent = (self.env.columns - 1) / 2
         return np.where(position[:, :, 2] > 0, np.clip((position[:, :, 0] - extent) * self.direction, -extent, extent), -extent)
 

@@ -60,11 +60,11 @@ class Patches:
         names = [channel.name for channel in envs.sensor_channels]
         self.pressure, self.lamp = names.index("pressure"), names.index("goal_hit") if goal == "lamp" else None
         self.middle = np.array([(envs.columns - 1) / 2, (envs.rows - 1) / 2])
-        # Of load, patch and goal, and of the load after a second.
+        # Positions of load, patch and goal, and of the load after a second.
         self.place, self.centre, self.target, self.start = (np.tile(self.middle, (worlds, 1)) for _ in range(4))
         self.over, self.speed = np.zeros(worlds, bool), np.zeros((worlds, 2))
         self.spread, self.reach, self.ticks = np.zeros((worlds, 2)), np.full(worlds, 16.0), 0
-        # Of height, tilt and curvature along columns and rows, and twist. At first the pillars are down.
+        # The patch's height, tilt and curvature along columns and rows, and twist. At first the pillars are down.
         self.height, self.twist = np.full(worlds, -1.0), np.zeros(worlds)
         self.tilt, self.curvature = np.zeros((worlds, 2)), np.zeros((worlds, 2))
 

@@ -47,7 +47,7 @@ def with_included(path, known):
 
 
 def scene_files():
-    """Of each experiment of the plan: the file, and those that it requires or loads."""
+    """The files of each experiment of the plan: its own, and those that it requires or loads."""
     return {name: with_included((CASE_STUDY if name == "sort" else HERE) / f"{name}.lua", []) for name in load()["scenes"]}
 
 
@@ -56,7 +56,7 @@ def scene_digests():
 
 
 def table_programs_digest(name):
-    """Of the programs that a table's runs are controlled by."""
+    """The digest of the programs that control a table's runs."""
     names = {"tasks": load()["tasks"], "vary": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
              "logistics": ["hexsort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
@@ -67,7 +67,7 @@ def table_programs_digest(name):
 
 
 def section_digest(name):
-    """Of the part of the plan that a table is made with: its section, the first seeds and its scenes."""
+    """The digest of the part of the plan that a table is made with: its section, the first seeds and its scenes."""
     plan = load()
     section = plan[name]
     rows = section.get("rows", section)
@@ -85,7 +85,7 @@ def state_of(probe, smartsurf):
 
 
 def physics_digest(smartsurf, table=""):
-    """Of the states that the probes end in: a change of the physics changes it."""
+    """The digest of the states that the probes end in: a change of the physics changes it."""
     pins = state_of("probe", smartsurf)
     return pins if table in PINS_ALONE else digest(pins, state_of("probe_driven", smartsurf))
 
@@ -117,7 +117,7 @@ MARK = re.compile(r"<!-- (\w+): written by scripts/tasks/table -->(?:(?!<!-- end
 
 
 def marks(page):
-    """Of each table of a page: its name, and plan, physics and programs that made it."""
+    """By the name of each table of a page: the plan, physics and programs that made it."""
     return {found[1]: found.groups()[1:] for found in MARK.finditer(page)}
 
 

@@ -61,7 +61,7 @@ def wider(image):
 
 
 def average(image):
-    """Of a cell and its neighbours. At the edge of the array the cell itself takes a missing neighbour's place."""
+    """The mean of a cell and its four neighbours; beyond the edge the cell itself counts."""
     wide = np.pad(image, 1, mode="edge")
     return (image + ((wide[1:-1, :-2] + wide[1:-1, 2:]) + (wide[:-2, 1:-1] + wide[2:, 1:-1]))) / np.float32(5)
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <charconv>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -19,6 +18,7 @@
 #include "common/process/ExitStatus.h"
 #include "common/process/StandardStreams.h"
 #include "common/process/Termination.h"
+#include "common/text/Number.h"
 #include "common/text/Printable.h"
 
 namespace {
@@ -67,10 +67,8 @@ std::atomic<bool> stop{false};
 
 double parse_number(const char* option, const char* text, double minimum) {
   double value = 0;
-  const char* end = text + std::string_view(text).size();
-  const auto [next, error] = std::from_chars(text, end, value);
   // Written so that a NaN fails.
-  if (error != std::errc{} || next != end || !(value >= minimum && value <= 1e9))
+  if (!common::parse_number(text, value) || !(value >= minimum && value <= 1e9))
     throw UserError(std::string(option) + " " + text + ": must be a number from " +
                     (minimum == 1   ? "1"
                      : minimum == 0 ? "0"

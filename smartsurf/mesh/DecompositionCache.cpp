@@ -82,7 +82,8 @@ DecompositionCache::Parts DecompositionCache::decompose(const TriangleMesh& mesh
 
 // A file may be torn, or written by whoever has become this user: its parts are believed if the checksum is
 // right and each point lies within the mesh. What follows from them is checked as for computed parts.
-std::optional<DecompositionCache::Parts> DecompositionCache::read(const fs::path& file, const std::string& key,
+std::optional<DecompositionCache::Parts> DecompositionCache::read(const fs::path& file,
+                                                                  const std::string& key,
                                                                   const TriangleMesh& mesh,
                                                                   const DecompositionLimits& limits) const {
   std::string content;
@@ -146,8 +147,7 @@ void DecompositionCache::write(const fs::path& file, const std::string& key, con
   std::error_code error;
   for (fs::directory_iterator entry(folder_, error), end; !error && entry != end; entry.increment(error)) {
     std::error_code gone;
-    if (!entry->is_regular_file(gone) ||
-        entry->path().filename().string().find(kEnding) == std::string::npos)
+    if (!entry->is_regular_file(gone) || entry->path().filename().string().find(kEnding) == std::string::npos)
       continue;
     Kept kept{entry->last_write_time(gone), entry->path(), entry->file_size(gone)};
     if (gone) continue;

@@ -1,5 +1,5 @@
-// Keeps decompositions of meshes in files, so that a mesh is decomposed once. Nothing depends on them: what is
-// missing, damaged or cannot be written is computed anew, with the same bits.
+// Keeps decompositions of meshes in files, so that a mesh is decomposed once. Nothing depends on them: what
+// is missing, damaged or cannot be written is computed anew, with the same bits.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,8 +21,8 @@ class DecompositionCache {
  public:
   using Parts = std::vector<std::vector<Eigen::Vector3d>>;
 
-  // Nothing is kept without a folder ("") or in one that is another user's or writable by others; a missing one
-  // is created for the first file. The oldest files are removed while all together exceed `max_bytes`; a
+  // Nothing is kept without a folder ("") or in one that is another user's or writable by others; a missing
+  // one is created for the first file. The oldest files are removed while all together exceed `max_bytes`; a
   // decomposition above a quarter of that is not kept.
   explicit DecompositionCache(std::filesystem::path folder,
                               std::uintmax_t max_bytes = std::uintmax_t{256} << 20);

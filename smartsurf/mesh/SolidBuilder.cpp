@@ -116,8 +116,10 @@ void check_approximation(const scene::Solid& solid, const SolidOptions& options,
 std::vector<scene::ConvexHull> make_convex_hulls(const TriangleMesh& mesh, const SolidOptions& options) {
   std::vector<std::vector<Eigen::Vector3d>> parts{mesh.points};
   if (options.decompose) {
-    const DecompositionLimits limits{.max_parts = options.max_hulls, .max_hollow_parts = options.max_hollow_hulls};
-    parts = options.cache != nullptr ? options.cache->decompose(mesh, limits) : decompose_convex(mesh, limits);
+    const DecompositionLimits limits{.max_parts = options.max_hulls,
+                                     .max_hollow_parts = options.max_hollow_hulls};
+    parts =
+        options.cache != nullptr ? options.cache->decompose(mesh, limits) : decompose_convex(mesh, limits);
   }
   std::vector<scene::ConvexHull> hulls;
   for (const auto& part : parts)

@@ -79,7 +79,7 @@ Model read_mjcf(const std::string& text, const std::string& file);
 
 // Both inertias as that of one body.
 Inertial combined(const Inertial&, const Inertial&);
-// In the frame in which that of `inertial` has the pose.
+// The inertial in the frame in which its own frame has the pose.
 Inertial transformed(const Pose&, const Inertial& inertial);
 
 }  // namespace smartsurf::model

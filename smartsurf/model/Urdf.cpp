@@ -185,7 +185,7 @@ class UrdfReader {
     joints_.push_back({e, parent, child});
   }
 
-  // From the root outwards.
+  // Builds the links from the root outwards.
   void build(const Element& robot) {
     std::vector<std::size_t> order;
     for (std::size_t i = 0; i < links_.size(); ++i)

@@ -1,9 +1,10 @@
 #include "smartsurf/model/XmlFile.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <string_view>
+
+#include "common/text/Number.h"
 
 namespace smartsurf::model {
 namespace {
@@ -71,9 +72,7 @@ std::vector<double> Element::numbers(const char* attribute, std::size_t least, s
     rest.remove_prefix(word.size());
     if (word.starts_with('+')) word.remove_prefix(1);
     double number = 0.0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-    valid = error == std::errc() && end == word.data() + word.size() && std::isfinite(number) &&
-            numbers.size() < most;
+    valid = common::parse_number(word, number) && std::isfinite(number) && numbers.size() < most;
     numbers.push_back(number);
   }
   if (!valid || numbers.size() < least)

@@ -185,7 +185,8 @@ Recording Recording::open(const fs::path& path) {
     recording.read_snapshot(0);
     recording.read_snapshot(recording.frames() - 1);
   };
-  if (const std::string refusal = refusal_of_child(path, memory_to_read(path), read_first_and_last); !refusal.empty())
+  if (const std::string refusal = refusal_of_child(path, memory_to_read(path), read_first_and_last);
+      !refusal.empty())
     throw scene::InputError(path.string() + ": " + refusal);
   return open_here(path);
 }

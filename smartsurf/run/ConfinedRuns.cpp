@@ -53,8 +53,8 @@ std::string reason_for_freedom(const RunOptions& options) {
   return "";
 }
 
-// Ends the controllers of a simulator that was killed: asks them all, and again after a moment, which supervisors of
-// commands take for the end of their patience.
+// Ends the controllers of a simulator that was killed: asks them all, and again after a moment, which
+// supervisors of commands take for the end of their patience.
 void hurry(const std::vector<std::unique_ptr<ControllerProcess>>& controllers) {
   using namespace std::chrono_literals;
   const auto deadline = std::chrono::steady_clock::now() + 300ms;
@@ -65,8 +65,8 @@ void hurry(const std::vector<std::unique_ptr<ControllerProcess>>& controllers) {
   ask_all();
   for (const auto& controller : controllers)
     if (controller)
-      controller->wait_for_exit(std::chrono::duration_cast<std::chrono::milliseconds>(
-          deadline - std::chrono::steady_clock::now()));
+      controller->wait_for_exit(
+          std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now()));
   ask_all();
 }
 

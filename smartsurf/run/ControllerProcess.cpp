@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "common/files/Installation.h"
+#include "common/process/Arguments.h"
 #include "common/process/Supervisor.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/PythonModule.h"
@@ -116,9 +117,7 @@ ControllerProcess::ControllerProcess(const std::string& controller, const std::s
                                      const std::string& show_registers) {
   const std::vector<std::string> command =
       make_command(controller, shm_name, with_window, overrides, show_registers);
-  std::vector<char*> arguments;
-  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
-  arguments.push_back(nullptr);
+  std::vector<char*> arguments = common::argument_pointers(command);
   const pid_t parent = getpid();
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");

@@ -13,14 +13,14 @@ namespace smartsurf::run {
 
 class ControllerProcess {
  public:
-  // Starts `controller`, which is an APRON program (*.aps), run by the apron beside this executable, a network
+  // Starts `controller`, which is an APRON program (*.aps), run by the apron beside this executable, a policy
   // (*.onnx), run by the Python package, or a shell command, in which {shm} stands for the segment's name.
-  // SMARTSURF_SHM holds that name too. What a shell command has started ends with it, and with this process, however
-  // either ends. Throws scene::InputError if the program does not exist, std::system_error if no process can be
-  // created. If the command cannot be executed, the child reports it and exits with status 2. with_window: an APRON
-  // program also opens its window, beside that of the run.
-  // overrides: NAME=VALUE of the program's sliders and switches; apron validates them.
-  // show_registers: the value of apron's --show-registers; "": none.
+  // SMARTSURF_SHM holds that name too. What a shell command has started ends with it, and with this process,
+  // however either ends. Throws scene::InputError if the program does not exist, std::system_error if no
+  // process can be created. If the command cannot be executed, the child reports it and exits with status 2.
+  // with_window: an APRON program also opens its window, beside that of the run. overrides: NAME=VALUE of the
+  // program's sliders and switches; apron validates them. show_registers: the value of apron's
+  // --show-registers; "": none.
   ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
                     const std::vector<std::string>& overrides = {}, const std::string& show_registers = "");
   // The controller of another process, which starts it here.

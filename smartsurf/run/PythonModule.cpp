@@ -12,6 +12,7 @@
 
 #include "common/files/Installation.h"
 #include "common/files/ReadFile.h"
+#include "common/process/Arguments.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -66,9 +67,7 @@ std::vector<std::string> python_command(const std::string& module,
 
 void run_python(const std::string& module, const std::vector<std::string>& given) {
   const std::vector<std::string> command = python_command(module, given);
-  std::vector<char*> arguments;
-  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
-  arguments.push_back(nullptr);
+  std::vector<char*> arguments = common::argument_pointers(command);
   setenv("SMARTSURF", common::program_path().c_str(), 0);
   execvp(arguments[0], arguments.data());
   throw scene::InputError(fmt::format("{}: cannot start {}: {}", module, command[0], std::strerror(errno)));

@@ -7,19 +7,13 @@
 #include <utility>
 #include <vector>
 
+#include "common/text/Number.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::scene {
 namespace {
 
 constexpr std::array<std::string_view, 3> kModeNames{"absolute", "factor", "offset"};
-
-std::optional<double> parse_number(std::string_view text) {
-  double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 std::string shortest(double value) {
   std::array<char, 32> digits{};
@@ -57,10 +51,9 @@ Variation parse_variation(std::string name, std::string_view text, std::string s
     v.mode = *mode;
     parts.pop_back();
   }
-  const std::optional<double> low = parse_number(parts.front()), high = parse_number(parts.back());
-  if (!low || !high || parts.size() > 2)
+  if (!common::parse_number(parts.front(), v.low) || !common::parse_number(parts.back(), v.high) ||
+      parts.size() > 2)
     throw InputError(v.subject + ": must be VALUE or LOW:HIGH, with or without :factor or :offset");
-  v.low = *low, v.high = *high;
   if (const std::string clause = validate(v); !clause.empty()) throw InputError(v.subject + ": " + clause);
   return v;
 }

@@ -36,8 +36,6 @@ class EventQueue {
   // The events carry over, with their order.
   void archive(common::StateArchive&);
 
-  std::size_t size() const { return queue_.size() + pending_.size(); }
-
  private:
   struct FiresLater {
     bool operator()(const TimedEvent& a, const TimedEvent& b) const {

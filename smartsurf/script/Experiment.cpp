@@ -308,12 +308,6 @@ const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
 
 const std::vector<std::string>& Experiment::events() const { return impl_->events; }
 
-bool Experiment::has_callbacks() const {
-  const ScriptContext& context = impl_->session;
-  return context.event_queue.size() > 0 || !context.on_tick.empty() || !context.on_leave.empty() ||
-         !context.on_finish.empty();
-}
-
 void Experiment::start(SimulationInterface& simulation) {
   ScriptContext& context = impl_->session;
   assert(context.phase == Phase::kLoading);

@@ -39,8 +39,6 @@ class Experiment {
   scene::SceneSpec& mutable_scene();
   // The nuisances that the script and the options declare, ascending by name; none is drawn.
   const std::vector<scene::Variation>& variations() const;
-  // True if any callback is registered.
-  bool has_callbacks() const;
 
   // The values that the script has passed to metric(name, value), by name, in order of first use.
   const std::vector<std::pair<std::string, double>>& metrics() const;

@@ -94,8 +94,8 @@ class EnvironmentBatch {
   // Why the world failed in the latest step(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
 
-  // That of the latest episode that the world has started itself, from which the next one's follows: worlds
-  // that one state was restored to go on with different ones.
+  // The seed of the latest episode that the world started itself. The next episode's seed follows from it, so
+  // that worlds to which one state was restored draw different ones.
   std::uint64_t started_seed(int index) const { return worlds_[index].started_seed; }
 
   // Call those of the world's Environment. restore() also writes the world's state.

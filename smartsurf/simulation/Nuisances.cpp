@@ -18,15 +18,6 @@ using scene::SceneSpec;
 using scene::Variation;
 using Mode = Variation::Mode;
 
-struct MaterialNuisance {
-  const char* name;
-  double scene::Material::*member;
-};
-constexpr std::array<MaterialNuisance, 3> kMaterialNuisances{
-    {{"friction", &scene::Material::friction},
-     {"rolling_friction", &scene::Material::rolling_friction},
-     {"restitution", &scene::Material::restitution}}};
-
 // Short names of parameters. Those of sensors also set what a sensor declares for itself.
 struct Alias {
   const char *name, *parameter;
@@ -44,10 +35,10 @@ constexpr std::array<Alias, 11> kAliases{{{"latency", "faults.actuator.latency"}
                                           {"gravity", "world.gravity"}}};
 constexpr std::string_view kSensorFaults = "faults.sensor.";
 
-const MaterialNuisance* find_material_nuisance(const std::string& name) {
-  const auto* const found = std::ranges::find(kMaterialNuisances, name,
-                                              [](const MaterialNuisance& n) { return std::string(n.name); });
-  return found == kMaterialNuisances.end() ? nullptr : found;
+const MaterialField* find_material_nuisance(const std::string& name) {
+  const auto* const found =
+      std::ranges::find(kMaterialFields, name, [](const MaterialField& n) { return std::string(n.name); });
+  return found == kMaterialFields.end() ? nullptr : found;
 }
 
 bool is_of_objects(const Variation& v) { return v.name == "mass" || v.name == "size"; }
@@ -68,7 +59,7 @@ auto with_subject(const Variation& v, Function function) {
 
 [[noreturn]] void refuse_unknown(const Variation& v) {
   std::vector<std::string> known{"mass", "size", "pin_speed"};
-  for (const MaterialNuisance& n : kMaterialNuisances) known.emplace_back(n.name);
+  for (const MaterialField& n : kMaterialFields) known.emplace_back(n.name);
   for (const Alias& a : kAliases) known.emplace_back(a.name);
   std::ranges::sort(known);
   std::string names;
@@ -188,7 +179,7 @@ bool have_same_channels(const SceneSpec& a, const SceneSpec& b) {
 Nuisances::Nuisances(SceneSpec& s, std::vector<Variation> variations) : drawn_(std::move(variations)) {
   for (Variation& v : drawn_) {
     bool is_whole = false;
-    const MaterialNuisance* const material = find_material_nuisance(v.name);
+    const MaterialField* const material = find_material_nuisance(v.name);
     if (material == nullptr && !is_of_objects(v) && v.mode != Mode::kFactor)
       is_whole = std::ranges::any_of(parameters_of(s, v), &SceneParameter::is_whole);
     double by = 0.0;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -10,6 +9,7 @@
 #include <tuple>
 #include <utility>
 
+#include "common/text/Number.h"
 #include "common/text/Suggestion.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/FaultMap.h"
@@ -67,15 +67,6 @@ void require_valid_material(const SceneSpec& s, int index) {
   material.name = "own";
   if (const std::string clause = validate(material); !clause.empty()) refuse(clause);
 }
-
-struct MaterialField {
-  const char* name;
-  double scene::Material::*member;
-};
-constexpr std::array<MaterialField, 3> kMaterialFields{
-    {{"friction", &scene::Material::friction},
-     {"rolling_friction", &scene::Material::rolling_friction},
-     {"restitution", &scene::Material::restitution}}};
 
 // ---- objects
 
@@ -153,8 +144,7 @@ std::vector<std::size_t> objects_of(const SceneSpec& s, std::string_view name, c
   std::vector<std::size_t> found;
   if (group.starts_with('#')) {
     std::size_t id = 0;
-    const auto [end, error] = std::from_chars(group.data() + 1, group.data() + group.size(), id);
-    if (error != std::errc() || end != group.data() + group.size() || id >= s.objects.size())
+    if (!common::parse_number(std::string_view(group).substr(1), id) || id >= s.objects.size())
       refuse("parameter '" + std::string(name) + "': no object " + group + "; the script declares " +
              std::to_string(s.objects.size()));
     return {id};

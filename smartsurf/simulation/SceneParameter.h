@@ -11,6 +11,7 @@
 // channels cannot be set.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <functional>
 #include <span>
@@ -21,6 +22,15 @@
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::simulation {
+
+struct MaterialField {
+  const char* name;
+  double scene::Material::*member;
+};
+inline constexpr std::array<MaterialField, 3> kMaterialFields{
+    {{"friction", &scene::Material::friction},
+     {"rolling_friction", &scene::Material::rolling_friction},
+     {"restitution", &scene::Material::restitution}}};
 
 class SceneParameter {
  public:

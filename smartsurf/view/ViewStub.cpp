@@ -21,7 +21,6 @@ common::Image OffscreenView::render(const scene::Snapshot&, const std::vector<sc
                                     const Camera&, const DrawOptions&, int, int) {
   throw_not_built();
 }
-std::string OffscreenView::driver_name() const { throw_not_built(); }
 
 common::Image render_image(const scene::SceneSpec&, const scene::Snapshot&,
                            const std::vector<scene::ObjectSpec>&, const Camera&, const DrawOptions&, int,

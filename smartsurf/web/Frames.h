@@ -9,6 +9,7 @@
 namespace smartsurf::web {
 
 // At most frames_per_second frames of each simulated second, the first and the last among them.
+// Throws scene::InputError if the recording holds nothing to show.
 std::vector<std::size_t> select_frames(const record::Recording& recording, double frames_per_second);
 
 }  // namespace smartsurf::web

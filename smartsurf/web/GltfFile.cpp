@@ -438,8 +438,6 @@ void add_table(GltfFile& file, const Recording& recording, const std::vector<std
 }  // namespace
 
 void write_gltf(const Recording& recording, const std::filesystem::path& path, const GltfOptions& options) {
-  if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
-    throw scene::InputError(recording.path().string() + ": holds nothing to show");
   const std::vector<std::size_t> frames = select_frames(recording, options.frames_per_second);
   std::vector<float> times_s;
   for (const std::size_t frame : frames)

@@ -253,8 +253,6 @@ std::string dump_script_safe(const json& value) {
 }  // namespace
 
 void write_page(const Recording& recording, const fs::path& path, const PageOptions& options) {
-  if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
-    throw scene::InputError(recording.path().string() + ": holds nothing to show");
   const std::vector<std::size_t> frames = select_frames(recording, options.frames_per_second);
   require_size_limit(recording, frames.size());
   json scene = page_json(recording, frames), series = json::array();

@@ -1,4 +1,5 @@
-// The bodies that may touch in a step: how far each may reach, those that are fast or large, and their neighbours.
+// The bodies that may touch in a step: how far each may reach, those that are fast or large, and their
+// neighbours.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -24,7 +24,7 @@ MODULES = {
     "common/gl": {"common/error", "common/image"},
     "common/threads": {"common/error"},
     "common/image": {"common/error", "common/files"},
-    "common/video": {"common/error", "common/files", "common/image"},
+    "common/video": {"common/error", "common/files", "common/image", "common/process"},
     "shm-protocol": set(),
     "shm-protocol/tools": {"common", "shm-protocol"},
     "shm-protocol/hardware/bridge": {"common", "shm-protocol"},

@@ -63,7 +63,8 @@ TEST(ForceLimit, WeightRisesOnlyIfItsPinsCanBearIt) {
 
 // Whatever acceleration a pin may have without a load, its force alone decides if it leaves its lower stop.
 TEST(ForceLimit, LoadRisesFromTheLowerStopByTheMotorsLine) {
-  if (PhysicsFixture().scene.world.engine == "bullet") GTEST_SKIP() << "on Bullet a load leaves its lower stop 0.1 s late or more";
+  if (PhysicsFixture().scene.world.engine == "bullet")
+    GTEST_SKIP() << "on Bullet a load leaves its lower stop 0.1 s late or more";
   constexpr double kMaxSpeed = 6.0, kDt_s = 1e-4, kRise = 1.0;
   for (const double max_acceleration : {10.0, 400.0})
     for (const double share : {0.3, 0.6, 0.95}) {

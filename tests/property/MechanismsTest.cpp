@@ -1,5 +1,5 @@
-// Mechanisms of several bodies against closed forms, drawn from a seed: grooves, rollers, levers, linkages, wedges,
-// plates with frictions of their own.
+// Mechanisms of several bodies against closed forms, drawn from a seed: grooves, rollers, levers, linkages,
+// wedges, plates with frictions of their own.
 //
 // MECHANISM_SEEDS: how many of each; MECHANISM_REPORT: prints the errors; PHYSICS_ENGINE=bullet: on Bullet.
 #include <gtest/gtest.h>
@@ -38,7 +38,8 @@ struct Draw {
     return std::uniform_real_distribution<double>(low, high)(random);
   }
   // A body that rests on nothing else keeps its place.
-  scene::ObjectId add(scene::ObjectSpec o, double mass, const Quaterniond& orientation = Quaterniond::Identity()) {
+  scene::ObjectId add(scene::ObjectSpec o, double mass,
+                      const Quaterniond& orientation = Quaterniond::Identity()) {
     o.mass = mass, o.orientation = orientation;
     return fixture.add(o);
   }
@@ -65,7 +66,8 @@ Values groove(Draw& d) {
   const double friction = d(0.1, 0.3), speed = d(1, 3), side = d(0.5, 1);
   for (const double way : {-1.0, 1.0}) {
     const Vector3d up = Vector3d(0, way, 1).normalized(), inwards = Vector3d(0, -way, 1).normalized();
-    d.add_fixed(box({24, 4, 0.5}, kAt + 2 * up - 0.25 * inwards), friction, turned(way * M_PI / 4, Vector3d::UnitX()));
+    d.add_fixed(box({24, 4, 0.5}, kAt + 2 * up - 0.25 * inwards), friction,
+                turned(way * M_PI / 4, Vector3d::UnitX()));
   }
   auto o = box({d(0.8, 2), side, side}, kAt + Vector3d(-8, 0, side / std::sqrt(2.0)));
   o.friction = friction, o.velocity = {speed, 0, 0};
@@ -97,8 +99,8 @@ Values rollers(Draw& d) {
   return {{"way", d.position(id).x() - before, right, 0.01 * right + 0.5 * acceleration * d.dt_s()}};
 }
 
-// A plate with a hinge at one end that lies on a ball: the lever law. Friction would share the load in any way with the
-// hinge.
+// A plate with a hinge at one end that lies on a ball: the lever law. Friction would share the load in any
+// way with the hinge.
 Values hinged_plate(Draw& d) {
   const double length = d(2, 6), mass = d(1, 20), at = length * d(0.4, 0.95), radius = d(0.3, 0.6);
   d.add_fixed(sphere(radius, kAt + Vector3d(at, 0, -0.1 - radius)), 0.0);
@@ -127,7 +129,8 @@ Values lever(Draw& d) {
 
 // Two cranks and a coupler, a parallelogram, swing as a pendulum.
 Values four_bars(Draw& d) {
-  const double length = d(1, 2), width = d(1.5, 3), crank = d(0.5, 3), coupler = d(0.5, 10), start = d(0.3, 1.0);
+  const double length = d(1, 2), width = d(1.5, 3), crank = d(0.5, 3), coupler = d(0.5, 10),
+               start = d(0.3, 1.0);
   const Vector3d along(std::sin(start), 0, -std::cos(start));
   std::vector<scene::ObjectId> cranks;
   for (const double x : {0.0, width}) {
@@ -139,7 +142,8 @@ Values four_bars(Draw& d) {
   const auto bar = d.add(box({width, 0.1, 0.1}, kAt + length * along + Vector3d(width / 2, 0, 0)), coupler);
   d.hinge(bar, cranks[0], kAt + length * along);
   d.hinge(bar, cranks[1], kAt + length * along + Vector3d(width, 0, 0));
-  const double inertia = 2 * crank * ((length * length + 0.01) / 12 + length * length / 4) + coupler * length * length;
+  const double inertia =
+      2 * crank * ((length * length + 0.01) / 12 + length * length / 4) + coupler * length * length;
   const double torque = (crank + coupler) * length * kGravity;
   const long steps = std::lround(1.5 / d.dt_s());
   double angle = start, spin = 0;
@@ -168,21 +172,25 @@ Values wedge_gives_way(Draw& d) {
   d.fixture.run(time);
   const double sine = std::sin(angle), cosine = std::cos(angle);
   const double right = -0.5 * time * time * mass * kGravity * sine * cosine / (heavy + mass * sine * sine);
-  return {{"way of the wedge", d.position(under).x() - kAt.x(), right, -0.01 * right - 2 * right / time * d.dt_s()}};
+  return {{"way of the wedge", d.position(under).x() - kAt.x(), right,
+           -0.01 * right - 2 * right / time * d.dt_s()}};
 }
 
 // A plate slides on another one, which slides without friction, until both have one speed.
 Values plates(Draw& d) {
-  const double of_upper = d(0.1, 0.9), of_lower = d(0.1, 0.9), upper = d(1, 10), lower = d(1, 10), speed = d(0.5, 2);
+  const double of_upper = d(0.1, 0.9), of_lower = d(0.1, 0.9), upper = d(1, 10), lower = d(1, 10),
+               speed = d(0.5, 2);
   d.add_fixed(box({30, 8, 1}, kAt - Vector3d(0, 0, 0.5)), 0.0);
-  auto under = box({8, 4, 0.4}, kAt + Vector3d(-6, 0, 0.2)), on = box({1.5, 1.5, 0.3}, kAt + Vector3d(-8, 0, 0.55));
+  auto under = box({8, 4, 0.4}, kAt + Vector3d(-6, 0, 0.2)),
+       on = box({1.5, 1.5, 0.3}, kAt + Vector3d(-8, 0, 0.55));
   under.friction = of_lower, on.friction = of_upper;
   on.velocity = {speed, 0, 0};
   const auto a = d.add(under, lower), b = d.add(on, upper);
   const double friction = std::sqrt(of_upper * of_lower), slowing = friction * kGravity * (1 + upper / lower);
   d.fixture.run(speed / slowing + 0.3);
   const double way = speed * speed / (2 * slowing), common = upper * speed / (upper + lower);
-  return {{"way on the plate", d.position(b).x() - d.position(a).x() + 2, way, 0.02 * way + 0.5 * speed * d.dt_s()},
+  return {{"way on the plate", d.position(b).x() - d.position(a).x() + 2, way,
+           0.02 * way + 0.5 * speed * d.dt_s()},
           {"speed of the lower", d.fixture.velocity(a).x(), common, 0.003 * common + 0.002},
           {"speed of the upper", d.fixture.velocity(b).x(), common, 0.003 * common + 0.002}};
 }
@@ -191,13 +199,10 @@ struct Mechanism {
   const char* name;
   Values (*run)(Draw&);
 };
-constexpr Mechanism kMechanisms[] = {{"Groove", groove},
-                                     {"Rollers", rollers},
-                                     {"HingedPlate", hinged_plate},
-                                     {"Lever", lever},
-                                     {"FourBars", four_bars},
-                                     {"WedgeGivesWay", wedge_gives_way},
-                                     {"Plates", plates}};
+constexpr Mechanism kMechanisms[] = {
+    {"Groove", groove}, {"Rollers", rollers},    {"HingedPlate", hinged_plate},
+    {"Lever", lever},   {"FourBars", four_bars}, {"WedgeGivesWay", wedge_gives_way},
+    {"Plates", plates}};
 
 class Mechanisms : public testing::TestWithParam<Mechanism> {};
 
@@ -209,10 +214,11 @@ TEST_P(Mechanisms, ObeyTheirClosedForms) {
         Draw draw(seed, rate, iterations);
         for (const Value& v : GetParam().run(draw)) {
           const auto at = std::string(v.name) + ", seed " + std::to_string(seed) + ", 1/" +
-                          std::to_string(static_cast<int>(rate)) + ", " + std::to_string(iterations) + " iterations";
+                          std::to_string(static_cast<int>(rate)) + ", " + std::to_string(iterations) +
+                          " iterations";
           if (std::getenv("MECHANISM_REPORT"))
-            std::printf("%s %s: %.5f for %.5f, %.2f of the tolerance\n", GetParam().name, at.c_str(), v.measured,
-                        v.right, std::abs(v.measured - v.right) / v.tolerance);
+            std::printf("%s %s: %.5f for %.5f, %.2f of the tolerance\n", GetParam().name, at.c_str(),
+                        v.measured, v.right, std::abs(v.measured - v.right) / v.tolerance);
           EXPECT_NEAR(v.measured, v.right, v.tolerance) << at;
         }
       }

@@ -148,7 +148,8 @@ TEST_P(Seams, BoxSlidesOverThem) {
     Drawn drawn(seed);
     const double speed = drawn.uniform(2, 8);
     // Compilers evaluate arguments in orders of their own.
-    const double height = drawn.uniform(0.3, 0.6), width = drawn.uniform(0.6, 2), length = drawn.uniform(0.6, 2);
+    const double height = drawn.uniform(0.3, 0.6), width = drawn.uniform(0.6, 2),
+                 length = drawn.uniform(0.6, 2);
     const Vector3d size(length, width, height);
     add_track(drawn, 24, seed % 2 == 0);
     auto slider = box(size, drawn.to_world({0, 0, 0.5 * size.z()}));

@@ -138,11 +138,12 @@ TEST(Sliding, DiscsSlideOverNarrowTops) {
     fixture.scene.world.dt_s = 1.0 / (draw % 2 == 0 ? 60 : 240);
     fixture.scene.world.iterations = draw % 3 == 0 ? 40 : 10;
     fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 0.5;
-    const double slope = uniform(0.1, 0.5), heading = uniform(-3, 3), radius = uniform(0.9, 1.5), start = uniform(0, 2),
-                 mu = uniform(0, 0.7) * std::tan(slope), seconds = 1.0;
+    const double slope = uniform(0.1, 0.5), heading = uniform(-3, 3), radius = uniform(0.9, 1.5),
+                 start = uniform(0, 2), mu = uniform(0, 0.7) * std::tan(slope), seconds = 1.0;
     const Eigen::Vector3d along(std::cos(heading), std::sin(heading), 0);
     fixture.scene.materials[0].friction = mu;
-    fixture.scene.world.gravity = kGravity * (std::sin(slope) * along - std::cos(slope) * Eigen::Vector3d::UnitZ());
+    fixture.scene.world.gravity =
+        kGravity * (std::sin(slope) * along - std::cos(slope) * Eigen::Vector3d::UnitZ());
     auto disc = cylinder(radius, 0.4, {15.5, 15.5, 0.2});
     disc.velocity = start * along;
     const auto id = fixture.add(disc);
@@ -150,7 +151,8 @@ TEST(Sliding, DiscsSlideOverNarrowTops) {
     const Eigen::Vector3d moved = fixture.position(id).cast<double>() - Eigen::Vector3d(15.5, 15.5, 0.2);
     const double acceleration = kGravity * (std::sin(slope) - mu * std::cos(slope)),
                  way = start * seconds + 0.5 * acceleration * seconds * seconds;
-    EXPECT_LT((moved - way * along).norm(), 0.01 * way + (start + acceleration) * fixture.scene.world.dt_s + 0.003);
+    EXPECT_LT((moved - way * along).norm(),
+              0.01 * way + (start + acceleration) * fixture.scene.world.dt_s + 0.003);
   }
 }
 

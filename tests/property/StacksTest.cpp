@@ -41,10 +41,11 @@ struct StackOfBoxes {
   }
 };
 
-// Boxes on a fixed block far above the table, in a frame that is turned against the world's. Gravity acts along the
-// frame's −z; without gravity a force presses each box by its weight instead.
+// Boxes on a fixed block far above the table, in a frame that is turned against the world's. Gravity acts
+// along the frame's −z; without gravity a force presses each box by its weight instead.
 struct TurnedBoxes {
-  TurnedBoxes(const Eigen::Quaterniond& turn, bool has_gravity, double rate, double friction, int iterations = 10)
+  TurnedBoxes(const Eigen::Quaterniond& turn, bool has_gravity, double rate, double friction,
+              int iterations = 10)
       : frame(turn) {
     fixture.scene.world.dt_s = 1.0 / rate, fixture.scene.world.iterations = iterations;
     fixture.scene.materials[0].friction = friction;
@@ -71,7 +72,8 @@ struct TurnedBoxes {
   bool pushes;
 
  private:
-  smartsurf::scene::ObjectId add(smartsurf::scene::ObjectSpec o, double mass, const Eigen::Vector3d& velocity) {
+  smartsurf::scene::ObjectId add(smartsurf::scene::ObjectSpec o, double mass,
+                                 const Eigen::Vector3d& velocity) {
     o.orientation = frame, o.mass = mass, o.velocity = frame * velocity;
     const auto id = fixture.add(o);
     if (pushes) fixture.world().apply_force(id, mass * kGravity * down(), {}, 100.0);
@@ -170,13 +172,15 @@ TEST(Stacks, LoadsHardlySinkUnderGravityOfAnyDirection) {
       for (const double ratio : {2.0, 20.0, 1000.0}) {
         TurnedBoxes boxes(frame, has_gravity, 60, 0.5);
         const Eigen::Vector3d down = boxes.down();
-        SCOPED_TRACE(testing::Message() << (has_gravity ? "gravity along " : "forces along ") << down.x() << ", "
-                                        << down.y() << ", " << down.z());
-        const auto under = boxes.add({2, 2, 1}, {0, 0, 0.5}, 1.0), on = boxes.add({2, 2, 1}, {0, 0, 1.5}, ratio);
+        SCOPED_TRACE(testing::Message() << (has_gravity ? "gravity along " : "forces along ") << down.x()
+                                        << ", " << down.y() << ", " << down.z());
+        const auto under = boxes.add({2, 2, 1}, {0, 0, 0.5}, 1.0),
+                   on = boxes.add({2, 2, 1}, {0, 0, 1.5}, ratio);
         boxes.fixture.run(2.0);
         EXPECT_NEAR(boxes.position(on).z(), 1.5, 0.0025) << "ratio " << ratio;
         EXPECT_LT(boxes.position(on).head<2>().norm(), 0.01) << "ratio " << ratio;
-        for (const auto id : {under, on}) EXPECT_LT(boxes.fixture.velocity(id).norm(), 0.002F) << "ratio " << ratio;
+        for (const auto id : {under, on})
+          EXPECT_LT(boxes.fixture.velocity(id).norm(), 0.002F) << "ratio " << ratio;
       }
 }
 
@@ -191,8 +195,8 @@ TEST(Stacks, LightBodiesOfAnyShapeBearAHeavyOne) {
     SCOPED_TRACE(draw);
     constexpr double kRates[] = {60, 120, 240, 960};
     constexpr int kIterations[] = {4, 10, 20, 40, 80};
-    TurnedBoxes stack(all_frames[static_cast<std::size_t>(draw) % all_frames.size()], true, kRates[draw % 4], 0.5,
-                      kIterations[draw % 5]);
+    TurnedBoxes stack(all_frames[static_cast<std::size_t>(draw) % all_frames.size()], true, kRates[draw % 4],
+                      0.5, kIterations[draw % 5]);
     const int count = 3 + draw % 3;
     double top = 0.0;
     std::vector<std::pair<smartsurf::scene::ObjectId, Eigen::Vector3d>> bodies;
@@ -201,7 +205,8 @@ TEST(Stacks, LightBodiesOfAnyShapeBearAHeavyOne) {
       const Eigen::Vector3d at(uniform(-0.1, 0.1), uniform(-0.1, 0.1), top + 0.5 * height);
       const Eigen::Vector3d size(uniform(1.5, 2.5), uniform(1.5, 2.5), height);
       const bool is_box = uniform(0, 1) < 0.6;
-      bodies.emplace_back(is_box ? stack.add(size, at, mass) : stack.add_disc(0.5 * size.x(), height, at, mass), at);
+      bodies.emplace_back(
+          is_box ? stack.add(size, at, mass) : stack.add_disc(0.5 * size.x(), height, at, mass), at);
       top += height;
     }
     stack.fixture.run(2.0);
@@ -240,7 +245,8 @@ Rest pyramid_at_rest(int width, int iterations) {
   std::vector<std::pair<smartsurf::scene::ObjectId, double>> boxes;
   for (int level = 0; level < width; ++level)
     for (int i = 0; i < width - level; ++i, ++count)
-      boxes.emplace_back(fixture.add(box({1.5, 2, 1}, {6 + 1.8 * i + 0.9 * level, 15.5, level + 0.5})), level + 0.5);
+      boxes.emplace_back(fixture.add(box({1.5, 2, 1}, {6 + 1.8 * i + 0.9 * level, 15.5, level + 0.5})),
+                         level + 0.5);
   fixture.run(4.0);
   for (const auto& [id, height] : boxes) sunk = std::max(sunk, height - fixture.position(id).z());
   return {sunk, fixture.world().sleeping_count() == count};
@@ -264,7 +270,8 @@ Rest heap_at_rest(unsigned seed, int iterations) {
 
 }  // namespace
 
-// At any number of iterations a contact yields by no more than the overlap that it is allowed, and half of that.
+// At any number of iterations a contact yields by no more than the overlap that it is allowed, and half of
+// that.
 TEST(Stacks, SinkingIsBoundedAtAnyIterations) {
   constexpr double kYields = 1.5 * 5e-4, kOnCells = 0.001;
   for (const int iterations : {10, 20, 40, 80}) {
@@ -282,8 +289,8 @@ TEST(Stacks, SinkingIsBoundedAtAnyIterations) {
   }
 }
 
-// A capsule or cylinder lies along both edges of the gap between two boxes, fixed or free to move and turned to any
-// heading, and is still.
+// A capsule or cylinder lies along both edges of the gap between two boxes, fixed or free to move and turned
+// to any heading, and is still.
 TEST(Stacks, RollersRestInTheGapBetweenTwoBoxes) {
   std::mt19937 random(11);
   const auto uniform = [&](double low, double high) {
@@ -305,13 +312,15 @@ TEST(Stacks, RollersRestInTheGapBetweenTwoBoxes) {
         fixture.add(o);
       }
       const double height = 1 + std::sqrt(radius * radius - 0.25 * gap * gap);
-      const Eigen::Vector3d at = middle + heading * Eigen::Vector3d(0, uniform(-0.5, 0.5), height + uniform(0, 0.1));
+      const Eigen::Vector3d at =
+          middle + heading * Eigen::Vector3d(0, uniform(-0.5, 0.5), height + uniform(0, 0.1));
       auto roller = i / 2 % 2 == 0 ? capsule(radius, length, at) : cylinder(radius, length, at);
       roller.orientation = heading * Eigen::AngleAxisd(0.5 * std::numbers::pi, Eigen::Vector3d::UnitX());
       const auto id = fixture.add(roller);
       fixture.run(3.0);
       double fastest = 0.0;
-      fixture.run(1.0, [&] { fastest = std::max(fastest, static_cast<double>(fixture.velocity(id).norm())); });
+      fixture.run(1.0,
+                  [&] { fastest = std::max(fastest, static_cast<double>(fixture.velocity(id).norm())); });
       EXPECT_LT(fastest, 1e-3);
       EXPECT_NEAR(fixture.position(id).z(), height, 0.01);
     }

@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <iostream>
 #include <map>
@@ -18,6 +17,7 @@
 #include "apron/vm/NumberFormat.h"
 #include "common/error/UserError.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Number.h"
 #include "common/text/Printable.h"
 
 namespace apron::run {
@@ -260,11 +260,6 @@ class Debugger {
 
   // ---- breakpoints ----
 
-  static bool parse_number(std::string_view text, std::uint64_t& value) {
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    return error == std::errc{} && end == text.data() + text.size();
-  }
-
   void add_breakpoint(const Words& words) {
     Breakpoint breakpoint;
     std::uint64_t number = 0;
@@ -273,7 +268,8 @@ class Debugger {
       breakpoint.kind = Breakpoint::Kind::kCondition;
       breakpoint.on_change = words[1] == "change";
       if (std::uint64_t column = 0; breakpoint.on_change && words.size() == 5 &&
-                                    parse_number(words[3], column) && parse_number(words[4], number))
+                                    common::parse_number(words[3], column) &&
+                                    common::parse_number(words[4], number))
         breakpoint.condition = debugger::cell_expression(words[2], column, number);
       else
         for (std::size_t i = 2; i < words.size(); ++i) breakpoint.condition += (i > 2 ? " " : "") + words[i];
@@ -284,7 +280,7 @@ class Debugger {
       conditions.push_back(std::move(*condition));
     } else if (words[1] == "tick" && words.size() == 3) {
       breakpoint.kind = Breakpoint::Kind::kTick;
-      if (!parse_number(words[2], breakpoint.tick) || breakpoint.tick == 0)
+      if (!common::parse_number(words[2], breakpoint.tick) || breakpoint.tick == 0)
         return refuse("'" + words[2] + "' is not the number of a tick, from 1");
     } else if (words.size() == 2) {
       const std::size_t colon = words[1].rfind(':');
@@ -295,7 +291,7 @@ class Debugger {
         return name == file || name.ends_with("/" + file);
       });
       if (found == program().files.end()) return refuse("the program has no file '" + file + "'");
-      if (!parse_number(line, number) || number == 0 || number > UINT32_MAX)
+      if (!common::parse_number(line, number) || number == 0 || number > UINT32_MAX)
         return refuse("'" + line + "' is not a line number");
       breakpoint.file = *found;
       breakpoint.line = first_line_with_code(*found, static_cast<std::uint32_t>(number));
@@ -338,7 +334,7 @@ class Debugger {
       breakpoints_.clear();
       numbers_.clear();
       conditions_.clear();
-    } else if (!parse_number(words[1], number) || std::ranges::count(numbers_, number) == 0) {
+    } else if (!common::parse_number(words[1], number) || std::ranges::count(numbers_, number) == 0) {
       return refuse("there is no breakpoint '" + words[1] + "'");
     } else {
       const auto numbered = std::ranges::find(numbers_, number);
@@ -375,7 +371,7 @@ class Debugger {
   }
   bool parse_numbers(const Words& words, std::size_t first, std::vector<std::uint64_t>& numbers) {
     for (std::size_t i = first; i < words.size(); ++i)
-      if (!parse_number(words[i], numbers.emplace_back())) {
+      if (!common::parse_number(words[i], numbers.emplace_back())) {
         refuse("'" + words[i] + "' is not a whole number from 0");
         return false;
       }

@@ -1,16 +1,15 @@
 #include "apron/run/host/KeyScript.h"
 
 #include <algorithm>
-#include <charconv>
 
 #include "apron/program/Keys.h"
+#include "common/text/Number.h"
 
 namespace apron::run {
 namespace {
 
 bool parse_frame(std::string_view text, std::uint64_t& frame) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), frame);
-  return error == std::errc{} && end == text.data() + text.size() && frame < UINT64_MAX;
+  return common::parse_number(text, frame) && frame < UINT64_MAX;
 }
 
 }  // namespace

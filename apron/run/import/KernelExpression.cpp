@@ -81,13 +81,6 @@ CppValue KernelTranslation::expression(const KernelTokenList& tokens, ProgramLin
   return value;
 }
 
-std::string KernelTranslation::expression_text(const KernelTokenList& tokens) {
-  ProgramLines lines;
-  const CppValue value = expression(tokens, lines, 0);
-  if (!lines.empty()) give_up("the expression '{}' has no counterpart here", plain_text(tokens));
-  return value.text;
-}
-
 std::optional<CppValue> KernelTranslation::plain_expression(const KernelTokenList& tokens) {
   ProgramLines lines;
   const std::set<std::string> names = names_;

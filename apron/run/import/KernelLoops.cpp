@@ -259,7 +259,7 @@ void KernelSourceReader::translate_frames(ProgramLines& out, int depth) {
   if (leaves_itself(position_)) {
     ProgramLines body;
     const Loop loop = loop_body(body, depth, "", true);
-    // What leaves it may have been left out.
+    // The statement that leaves the loop may have been left out.
     const bool leaves = std::ranges::any_of(body, [](const std::string& line) {
       const std::string text = line.substr(std::min(line.find_first_not_of(' '), line.size()));
       return text == "break" || text == "end" || text == "jump(:#return)";
@@ -427,7 +427,7 @@ void KernelSourceReader::translate_return(ProgramLines& out, int depth) {
     emit(out, depth, fmt::format("$result = {}", cpp_convert(std::move(value), result_).text));
     flow_.write(current_->signature.value);
   }
-  // What follows it runs if it does not.
+  // The statements after a `return` run if it does not.
   if (current_ != nullptr) flow_.guard(current_->signature.call);
   position_ = end;
   consume(";");

@@ -147,7 +147,7 @@ void KernelSourceReader::translate_function_macro(const FunctionMacro& macro, st
   scopes_.emplace_back();
   std::string pattern = macro.name;
   for (const std::string& name : macro.parameters) {
-    // What an operand is, is known where the macro is called.
+    // The kind of an operand is known where the macro is called.
     const auto index = static_cast<std::size_t>(&name - macro.parameters.data());
     const auto signature = functions_.find(macro.name);
     scopes_.back()[name] = {

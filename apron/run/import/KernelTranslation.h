@@ -120,8 +120,6 @@ class KernelTranslation {
   // ---- expressions; all throw Untranslatable. Statements that an expression needs first are written to
   // `out`.
   CppValue expression(const KernelTokenList& tokens, ProgramLines& out, int depth);
-  // The same of an expression that needs none, as the program writes it.
-  std::string expression_text(const KernelTokenList& tokens);
   // True if the expression needs no statements and contains no call, so that it may be evaluated again.
   std::optional<CppValue> plain_expression(const KernelTokenList& tokens);
   // In a variable of its own if it is a call.
@@ -198,7 +196,6 @@ class KernelTranslation {
   int prelude_depth_ = 0;
   std::size_t instructions_ = 0;
   std::size_t depth_ = 0;
-  bool uses_arithmetic_ = false;
 };
 
 }  // namespace apron::run

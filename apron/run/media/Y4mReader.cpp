@@ -1,12 +1,12 @@
 #include "apron/run/media/Y4mReader.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <sstream>
 
 #include "apron/run/media/MediaFile.h"
 #include "common/files/Inputs.h"
+#include "common/text/Number.h"
 
 namespace apron::run {
 namespace {
@@ -16,8 +16,7 @@ constexpr std::uint32_t kMaxDimension = 65536;
 
 std::uint32_t parse_dimension(const std::string& word) {
   std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(word.data() + 1, word.data() + word.size(), value);
-  return error == std::errc{} && end == word.data() + word.size() && value <= kMaxDimension ? value : 0;
+  return common::parse_number(std::string_view(word).substr(1), value) && value <= kMaxDimension ? value : 0;
 }
 
 // The size of both chroma planes, or -1 for an unsupported format.

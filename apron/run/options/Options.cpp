@@ -11,6 +11,7 @@
 
 #include "apron/program/Program.h"
 #include "common/cli/ParseErrors.h"
+#include "common/text/Number.h"
 #include "common/text/Printable.h"
 
 namespace apron::run {
@@ -27,16 +28,11 @@ template <class... Arguments>
   throw CLI::ValidationError(option, fmt::format(reason, std::forward<Arguments>(arguments)...));
 }
 
-template <class Number>
-bool parse_number(std::string_view text, Number& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size() && !text.empty();
-}
-
 CLI::Validator whole_number_validator(std::uint64_t min_value, std::uint64_t max_value) {
   return {[=](std::string& text) {
             std::uint64_t value = 0;
-            if (parse_number(text, value) && value >= min_value && value <= max_value) return std::string();
+            if (common::parse_number(text, value) && value >= min_value && value <= max_value)
+              return std::string();
             return fmt::format("'{}' is not a whole number from {} to {}", text, min_value, max_value);
           },
           ""};
@@ -45,7 +41,7 @@ CLI::Validator whole_number_validator(std::uint64_t min_value, std::uint64_t max
 CLI::Validator seconds_validator() {
   return {[](std::string& text) {
             double value = 0;
-            if (parse_number(text, value) && value >= 0.0 && value <= 1e6) return std::string();
+            if (common::parse_number(text, value) && value >= 0.0 && value <= 1e6) return std::string();
             return "'" + text + "' is not a time in seconds from 0 to 1000000";
           },
           ""};
@@ -78,8 +74,8 @@ void parse_size(RawOptions& raw) {
   const std::size_t x = raw.size.find('x');
   Options& options = raw.options;
   const std::string_view text = raw.size;
-  const bool valid = x != std::string::npos && parse_number(text.substr(0, x), options.width) &&
-                     parse_number(text.substr(x + 1), options.height) && options.width > 0 &&
+  const bool valid = x != std::string::npos && common::parse_number(text.substr(0, x), options.width) &&
+                     common::parse_number(text.substr(x + 1), options.height) && options.width > 0 &&
                      options.height > 0 && std::size_t{options.width} * options.height <= program::kMaxCells;
   if (!valid)
     refuse("--size", "'{}' is not WIDTHxHEIGHT, such as 64x64, of at most {} cells", raw.size,
@@ -95,7 +91,7 @@ double parse_baud(const std::string& text) {
     number.remove_suffix(1);
   }
   double value = 0;
-  if (parse_number(number, value) && value > 0.0 && value * unit <= 1e12) return value * unit;
+  if (common::parse_number(number, value) && value > 0.0 && value * unit <= 1e12) return value * unit;
   refuse("--link", "'{}' is not a number of baud, such as 115200, 250k or 4M", text);
 }
 
@@ -103,7 +99,7 @@ void parse_parameter(RawOptions& raw, const std::string& text) {
   const std::size_t equals = text.find('=');
   float value = 0;
   if (equals == std::string::npos || equals == 0 ||
-      !parse_number(std::string_view(text).substr(equals + 1), value) || !std::isfinite(value))
+      !common::parse_number(std::string_view(text).substr(equals + 1), value) || !std::isfinite(value))
     refuse("--set", "'{}' is not NAME=VALUE with a number, such as speed=0.5", text);
   raw.options.parameters[text.substr(0, equals)] = value;
 }
@@ -111,7 +107,7 @@ void parse_parameter(RawOptions& raw, const std::string& text) {
 double parse_positive(const std::string& option, const std::string& text, double max_value,
                       const std::string& expected) {
   double value = 0;
-  if (parse_number(text, value) && value > 0.0 && value <= max_value) return value;
+  if (common::parse_number(text, value) && value > 0.0 && value <= max_value) return value;
   refuse(option, "'{}' is not {}", text, expected);
 }
 
@@ -145,8 +141,8 @@ void parse_shown_registers(RawOptions& raw) {
   if (text.empty()) return;
   const std::size_t colon = std::min(text.find(':'), text.size());
   int& descriptor = raw.options.shown_descriptor;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + colon, descriptor);
-  if (error != std::errc() || end != text.data() + colon || descriptor < 0 || colon + 1 >= text.size())
+  if (!common::parse_number(std::string_view(text).substr(0, colon), descriptor) || descriptor < 0 ||
+      colon + 1 >= text.size())
     refuse("--show-registers", "'{}' is not DESCRIPTOR:NAMES; smartsurf run --record-registers passes it",
            text);
   raw.options.shown_registers = text.substr(colon + 1);
@@ -306,8 +302,8 @@ void parse_compile_options(RawOptions& raw) {
   if (!raw.tile.empty()) {
     const std::size_t x = raw.tile.find('x');
     const std::string_view text = raw.tile;
-    if (x == std::string::npos || !parse_number(text.substr(0, x), options.tile_width) ||
-        !parse_number(text.substr(x + 1), options.tile_height) || options.tile_width == 0 ||
+    if (x == std::string::npos || !common::parse_number(text.substr(0, x), options.tile_width) ||
+        !common::parse_number(text.substr(x + 1), options.tile_height) || options.tile_width == 0 ||
         options.tile_height == 0 || options.tile_width > options.width ||
         options.tile_height > options.height)
       refuse("--tile", "'{}' is not WIDTHxHEIGHT, such as 8x8, of at most the table's {}x{}", raw.tile,
@@ -385,7 +381,7 @@ void parse_screenshot(RawOptions& raw, const std::string& text) {
   Screenshot screenshot{text, std::nullopt};
   if (const std::size_t at = text.rfind('@'); at != std::string::npos) {
     std::uint64_t tick = 0;
-    if (!parse_number(std::string_view(text).substr(at + 1), tick))
+    if (!common::parse_number(std::string_view(text).substr(at + 1), tick))
       refuse("--screenshot", "'{}' is not FILE.png or FILE.png@TICK with a whole number", text);
     screenshot = {text.substr(0, at), tick};
   }

@@ -227,7 +227,9 @@ template <>
 struct Passes<Cosh> {
   static constexpr std::size_t kKept[] = {2};
   static HWY_INLINE void pass(std::size_t, R a, R, R* kept) { kept[0] = begin_half_exponential(a, &kept[1]); }
-  static HWY_INLINE R end(R, R, const R* kept) { return end_hyperbolic_cosine(end_exponential(kept[0], kept[1])); }
+  static HWY_INLINE R end(R, R, const R* kept) {
+    return end_hyperbolic_cosine(end_exponential(kept[0], kept[1]));
+  }
 };
 
 template <>

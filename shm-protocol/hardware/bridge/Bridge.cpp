@@ -24,11 +24,6 @@ constexpr milliseconds kHandshakeInterval{200};  // between handshake attempts w
 constexpr milliseconds kIdlePoll{20};            // polling interval of the stop flag
 constexpr milliseconds kAnswerPoll{1};           // wait for the controller before the line is polled again
 
-// Returns whether raw values equal channel values, so that they need no conversion to f32.
-bool is_plain_u8(const DeviceChannel& c) {
-  return c.dtype == SSW_U8 && c.scale == 1 && c.offset == 0 && c.minimum >= 0 && c.maximum <= 255;
-}
-
 std::string seconds(milliseconds t) {
   const std::string text = std::to_string(static_cast<double>(t.count()) * 1e-3);
   return text.substr(0, text.find('.') + 2) + " s";
@@ -162,7 +157,7 @@ void Bridge::create_surface() {
   config.hold_last_frame = options_.hold_last_frame;
   for (const DeviceChannel& c : device_->channels)
     config.channels.push_back({c.name, c.sensor ? Direction::kSensor : Direction::kActuator,
-                               is_plain_u8(c) ? DType::kU8 : DType::kF32, c.components, c.unit,
+                               c.is_plain_u8() ? DType::kU8 : DType::kF32, c.components, c.unit,
                                static_cast<double>(c.minimum), static_cast<double>(c.maximum),
                                static_cast<double>(c.safe)});
   surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
@@ -335,7 +330,7 @@ void Bridge::publish() {
     const DeviceChannel& c = channels[i];
     if (!c.sensor) continue;
     const std::span<const float> from(frame.values.data() + c.first_element, c.elements);
-    if (is_plain_u8(c))
+    if (c.is_plain_u8())
       std::ranges::transform(from, surface_->sensor<std::uint8_t>(i).begin(),
                              [](float v) { return static_cast<std::uint8_t>(v); });
     else
@@ -400,7 +395,7 @@ void Bridge::fill_actuators(bool safe) {
     float* const to = actuators_.data() + c.first_element;
     if (safe)
       std::fill_n(to, c.elements, c.safe);
-    else if (is_plain_u8(c))
+    else if (c.is_plain_u8())
       std::ranges::copy(surface_->actuator<std::uint8_t>(i), to);
     else
       std::ranges::copy(surface_->actuator<float>(i), to);

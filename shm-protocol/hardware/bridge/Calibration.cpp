@@ -210,16 +210,17 @@ void Calibration::require_table(const TableSpec& spec) const {
     const Place wanted{t.id, t.row, t.column, t.turn, t.mirror};
     if (std::ranges::none_of(
             boards, [&](const Place& b) { return t.id == b.id && t.row == b.row && t.column == b.column; }))
-      another(line_of("board"), "it has no " + place_text(wanted) + " (" + spec.file + ":" +
-                                    std::to_string(t.line) + ")");
+      another(line_of("board"),
+              "it has no " + place_text(wanted) + " (" + spec.file + ":" + std::to_string(t.line) + ")");
   }
 }
 
 void Calibration::require_map(const TableMap& map) {
   if (map.rows() != rows || map.columns() != columns)
     throw std::invalid_argument(place(line_of("size")) + "is the calibration of another table: of " +
-                                std::to_string(rows) + " rows of " + std::to_string(columns) + " cells, not " +
-                                std::to_string(map.rows()) + " of " + std::to_string(map.columns()));
+                                std::to_string(rows) + " rows of " + std::to_string(columns) +
+                                " cells, not " + std::to_string(map.rows()) + " of " +
+                                std::to_string(map.columns()));
   const auto require = [&](const std::string& name, bool is_sensor) -> const TableChannel& {
     for (const TableChannel& c : map.channels())
       if (c.sensor == is_sensor && c.name == name && c.components == 1 && c.unit == unit) return c;
@@ -233,8 +234,8 @@ void Calibration::require_map(const TableMap& map) {
   for (std::size_t cell = 0; cell < cells(); ++cell)
     for (const auto p : {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero})
       if (std::abs(fits[cell].value[p]) > range)
-        throw std::invalid_argument(place(line_of(kCellParameters[p].name)) + kCellParameters[p].name + " of row " +
-                                    std::to_string(cell / columns) + ", column " +
+        throw std::invalid_argument(place(line_of(kCellParameters[p].name)) + kCellParameters[p].name +
+                                    " of row " + std::to_string(cell / columns) + ", column " +
                                     std::to_string(cell % columns) + " is " + number(fits[cell].value[p]) +
                                     ", more than the whole range of '" + actuator + "', " + number(range));
 }

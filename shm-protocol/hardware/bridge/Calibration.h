@@ -48,7 +48,7 @@ class Calibration {
   bool has_rest = false;  // the zero of the sensors was measured
   std::vector<Place> boards;
   std::map<std::string, std::size_t> lines;  // of the file, by key; none: it was not read from a file
-  std::vector<CellFit> fits;  // by the table's cells
+  std::vector<CellFit> fits;                 // by the table's cells
 
  private:
   std::size_t line_of(const std::string& key) const;  // 0: none

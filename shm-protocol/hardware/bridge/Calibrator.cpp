@@ -17,8 +17,8 @@ constexpr int kTail = 16;                            // ticks after the plan, fo
 constexpr std::int64_t kMostGap = SSD_PATIENCE / 2;  // periods; safe values come into effect after twice that
 constexpr std::size_t kRestSamples = 200;
 constexpr std::int64_t kMostSettling_s = 120, kMostDisturbed_s = 10;
-constexpr double kSure = 6;                          // standard errors
-constexpr int kLongestHold = 50;                     // of a level, in times --hold
+constexpr double kSure = 6;             // standard errors
+constexpr int kLongestHold = 50;        // of a level, in times --hold
 constexpr std::size_t kMostLength = 4;  // of a recording with its repeats, in plans
 
 const BoardChannel* channel_of(const MountedBoard& board, std::size_t table_channel) {
@@ -191,8 +191,8 @@ std::string Calibrator::disturbance(const TableTick& tick) const {
   return "";
 }
 
-// Whether all cells lie still at the level: what is in force answers this phase, and the readings of two holds
-// are alike.
+// Whether all cells lie still at the level: what is in force answers this phase, and the readings of two
+// holds are alike.
 bool Calibrator::has_settled(const TableTick& tick, bool disturbed) {
   bool settles = !disturbed, late = false;
   for (std::size_t i = 0; i < records_.size(); ++i) {
@@ -323,8 +323,7 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
                                          : Phase::kPlan,
               tick);
       } else if ((tick.tick - phase_began_) * spec_.period_us > kMostSettling_s * 1'000'000) {
-        failure_ = "the cells do not come to rest within " + std::to_string(kMostSettling_s) +
-                   " s: " +
+        failure_ = "the cells do not come to rest within " + std::to_string(kMostSettling_s) + " s: " +
                    (last_disturbance_.empty() ? "a limit of a board holds them back" : last_disturbance_);
         return Answer::kEnd;
       }

@@ -29,8 +29,8 @@ std::vector<float> calibration_plan(int hold_periods);
 class Stillness {
  public:
   void reset(std::size_t cells, int window);
-  // Returns whether a window ends with these readings and no cell's mean differs from that of the window before
-  // by more than noise.
+  // Returns whether a window ends with these readings and no cell's mean differs from that of the window
+  // before by more than noise.
   bool add(std::span<const float> readings);
 
  private:

@@ -162,7 +162,8 @@ double fastest(const CellRecording& c, bool up) {
   return most;
 }
 
-// Standard deviation of the noise, by the differences of successive readings: a cell lies still most of the time.
+// Standard deviation of the noise, by the differences of successive readings: a cell lies still most of the
+// time.
 double noise_of(const CellRecording& c) {
   std::vector<double> steps;
   for (std::size_t k = 1; k < c.reading.size(); ++k)
@@ -265,8 +266,8 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
     fit.value[CellFit::kDelay] = delay;
   }
 
-  // A limit may have been lost on the way to the optimum, from where there is no way back, or that way may have
-  // ended at a wrong delay, which leaves more than noise.
+  // A limit may have been lost on the way to the optimum, from where there is no way back, or that way may
+  // have ended at a wrong delay, which leaves more than noise.
   int delay = static_cast<int>(fit.value[CellFit::kDelay]);
   const bool leaves_more = least / n > 1.5 * std::pow(noise_of(c), 2);
   const int from = leaves_more ? std::max(delay - 1, 0) : delay;

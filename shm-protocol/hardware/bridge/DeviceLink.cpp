@@ -48,7 +48,8 @@ float within(const DeviceChannel& c, float value) {
 }
 
 float raw_value(const DeviceChannel& c, float value) {
-  return std::clamp(std::round((within(c, value) - c.offset) / c.scale), 0.0F, c.dtype == SSW_U16 ? 65535.0F : 255.0F);
+  return std::clamp(std::round((within(c, value) - c.offset) / c.scale), 0.0F,
+                    c.dtype == SSW_U16 ? 65535.0F : 255.0F);
 }
 
 void put_value(const DeviceChannel& c, float value, std::uint8_t* to) {

@@ -30,6 +30,10 @@ struct DeviceChannel {
 
   // Returns whether all fields except the limits are equal.
   bool is_compatible_with(const DeviceChannel&) const;
+  // Returns whether raw values equal channel values, so that they need no conversion to f32.
+  bool is_plain_u8() const {
+    return dtype == SSW_U8 && scale == 1 && offset == 0 && minimum >= 0 && maximum <= 255;
+  }
 };
 
 // A value of an actuator as the device gets it: within the range, of its resolution.

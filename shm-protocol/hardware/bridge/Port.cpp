@@ -11,11 +11,12 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <filesystem>
 #include <stdexcept>
 #include <utility>
+
+#include "common/text/Number.h"
 
 namespace hardware {
 namespace {
@@ -122,9 +123,9 @@ PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
     std::error_code none;
     const auto is = std::filesystem::status(text, none).type();
     if (is == std::filesystem::file_type::directory || is == std::filesystem::file_type::regular)
-      throw std::invalid_argument(
-          text + " is a " + (is == std::filesystem::file_type::directory ? "folder" : "file") +
-          ", not a serial line");
+      throw std::invalid_argument(text + " is a " +
+                                  (is == std::filesystem::file_type::directory ? "folder" : "file") +
+                                  ", not a serial line");
     return name;
   }
   const std::size_t colon = text.rfind(':');
@@ -133,9 +134,7 @@ PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
   if (name.host.size() > 2 && name.host.front() == '[' && name.host.back() == ']')
     name.host = name.host.substr(1, name.host.size() - 2);
   unsigned port = 0;
-  const char* const end = name.service.data() + name.service.size();
-  const auto [next, error] = std::from_chars(name.service.data(), end, port);
-  if (name.host.empty() || error != std::errc{} || next != end || port < 1 || port > 65535)
+  if (name.host.empty() || !common::parse_number(name.service, port) || port < 1 || port > 65535)
     throw std::invalid_argument("'" + text + "' is not tcp:HOST:PORT, such as tcp:127.0.0.1:5000");
   return name;
 }

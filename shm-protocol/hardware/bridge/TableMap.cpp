@@ -30,10 +30,6 @@ Place mounted(const TableBoard& board, std::uint32_t rows, std::uint32_t columns
   }
 }
 
-bool is_plain_u8(const DeviceChannel& c) {
-  return c.dtype == SSW_U8 && c.scale == 1 && c.offset == 0 && c.minimum >= 0 && c.maximum <= 255;
-}
-
 const char* direction(bool sensor) { return sensor ? "sensor" : "actuator"; }
 
 }  // namespace
@@ -124,8 +120,8 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
     auto known = std::ranges::find_if(
         channels, [&](const TableChannel& t) { return t.sensor == c.sensor && t.name == c.name; });
     const std::string title = std::string(direction(c.sensor)) + " '" + c.name + "'";
-    const bool plain_u8 = is_plain_u8(c) && std::ranges::find(spec_.calibrated_channels, c.name) ==
-                                                spec_.calibrated_channels.end();
+    const bool plain_u8 = c.is_plain_u8() && std::ranges::find(spec_.calibrated_channels, c.name) ==
+                                                 spec_.calibrated_channels.end();
     if (known == channels.end()) {
       if (frozen_) fail(index, "the " + title + " was not there when the session began");
       channels.push_back({c.name, c.unit, c.sensor, plain_u8, c.components, c.minimum, c.maximum, c.safe});

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
@@ -21,6 +20,7 @@
 #include "common/process/StandardStreams.h"
 #include "common/process/StopSignals.h"
 #include "common/process/Termination.h"
+#include "common/text/Number.h"
 #include "common/text/Printable.h"
 #include "shm-protocol/hardware/bridge/Bridge.h"
 #include "shm-protocol/hardware/bridge/Calibrator.h"
@@ -71,9 +71,7 @@ constexpr const char* kUsage =
 template <class Number>
 Number parse(const char* flag, const char* text, Number least, Number most, const char* what) {
   Number value{};
-  const char* end = text + std::strlen(text);
-  const auto [next, error] = std::from_chars(text, end, value);
-  if (error != std::errc{} || next != end || !(value >= least && value <= most))
+  if (!common::parse_number(text, value) || !(value >= least && value <= most))
     throw std::invalid_argument(std::string("--") + flag + ": '" + text + "' is not " + what);
   return value;
 }

@@ -11,7 +11,6 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -24,6 +23,7 @@
 
 #include "common/files/AtomicFile.h"
 #include "common/process/StandardStreams.h"
+#include "common/text/Number.h"
 #include "shm-protocol/hardware/fake/EmulatedBoard.h"
 #include "shm-protocol/hardware/fake/PillarDevice.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
@@ -102,9 +102,7 @@ struct Options {
 template <class Number>
 Number parse(const std::string& flag, const char* text, Number least, Number most) {
   Number value{};
-  const char* end = text + std::strlen(text);
-  const auto [next, error] = std::from_chars(text, end, value);
-  if (error != std::errc{} || next != end || !(value >= least && value <= most))
+  if (!common::parse_number(text, value) || !(value >= least && value <= most))
     throw std::invalid_argument("--" + flag + ": '" + text + "' is not possible");
   return value;
 }

@@ -62,7 +62,7 @@ class _Problem:
         self.fastest = np.where(known, np.abs(middle[3:] - middle[:-3]) / 3, np.nan)
 
     def gain_error(self, heights: Array) -> Array:
-        """Of each cell, with the longest delay: one that hardly moves while it is read has any gain."""
+        """The standard error of each cell's gain, with the longest delay; large where a cell hardly moves while it is read."""
         late = self.late(heights, np.full(self.cells, LONGEST_DELAY))
         count = np.maximum(self.use.sum(0), 1)
         away = (late - (late * self.use).sum(0) / count) * self.use
@@ -221,7 +221,7 @@ class _Search:
             best = np.minimum(best, squares)
         self.free = free
         self.set_variance(self.base)
-        self.slopes = self.derivatives(self.base)
+        self.slopes = self.derivatives()
 
     def lower_cells(self) -> tuple[Array, Array]:
         """The sums of squares that are left with these delays, and the heights."""
@@ -229,7 +229,7 @@ class _Search:
         base = self.heights()
         squares = self.squares(base)
         for _ in range(8):
-            _, _, matrix, vector, _ = self.normal(base, self.derivatives(base))
+            _, _, matrix, vector, _ = self.normal(base, self.derivatives())
             matrix = matrix + (damping[:, None, None] * matrix + 1e-12) * np.eye(2)
             step = np.zeros_like(vector)
             step[self.good] = np.linalg.solve(matrix[self.good], vector[self.good][..., None])[..., 0]
@@ -247,13 +247,13 @@ class _Search:
         return squares, base
 
     def try_dropped(self) -> None:
-        """What was flat at the start of the search may not be so at its end."""
+        """Adds the parameters that were dropped as flat: they may not be flat at the end of the search."""
         for i in [k for k in range(3) if k not in self.free]:
             before, free, unknown = self.state(), list(self.free), dict(self.fit.unknown)
             cost = self.likelihood()
             self.free = sorted([*free, i])
             del self.fit.unknown[SHARED[i]]
-            # Where it is now the motion does not depend on it: a speed may have gone far beyond all that is reached.
+            # At its present value the motion may not depend on it, as on a speed limit far above all speeds.
             self.shared[i] = 0.5 * self.period if i == 2 else self.started[i]
             new = self.levenberg_marquardt(choose=False, most=8)
             self.drop_flat()
@@ -276,8 +276,8 @@ class _Search:
         return self.p.heights(self.shared if shared is None else shared, self.fit.gain if gain is None else gain,
                               self.fit.offset if offset is None else offset)
 
-    def derivatives(self, base: Array) -> list[Array]:
-        """By the logarithm of each free shared parameter, by gain, by offset; without delay."""
+    def derivatives(self) -> list[Array]:
+        """The derivatives of the heights by the logarithm of each free shared parameter, by gain and by offset; without delay."""
         shared, gain, offset = self.steps
         all_of_them = []
         for i in self.free:
@@ -358,7 +358,7 @@ class _Search:
         self.set_variance(base)
         cost = self.cost(base)
         for iteration in range(most):
-            slopes = self.derivatives(base)
+            slopes = self.derivatives()
             if choose:
                 before = self.fit.delay
                 self.choose_delays(base, slopes[-2:])
@@ -383,7 +383,7 @@ class _Search:
                 damping *= 5
             if gained < 0.05 and iteration > 0:
                 break
-        self.base, self.slopes = base, self.derivatives(base)
+        self.base, self.slopes = base, self.derivatives()
         return self.likelihood()
 
     def set_outliers(self) -> None:
@@ -407,7 +407,7 @@ class _Search:
         covariance = np.linalg.pinv(reduced + 1e-9 * np.eye(n)) if n else np.zeros((0, 0))
         gain = np.einsum("cij,ckj->cik", inverse, m_matrix)  # cells × 2 × shared
         own = inverse + np.einsum("cij,jk,clk->cil", gain, covariance, gain)
-        # Of a flat parameter rounding leaves a negative variance.
+        # Rounding can make the variance of a flat parameter negative.
         variance = np.diag(covariance)
         return np.sqrt(np.where(variance > 0, variance, np.inf)), np.sqrt(np.maximum(np.einsum("cii->ci", own), 0))
 
@@ -446,7 +446,7 @@ class _Search:
                 self.shared[2] = 0
             self.base = self.heights()
             self.set_variance(self.base)
-            self.slopes = self.derivatives(self.base)
+            self.slopes = self.derivatives()
 
     def finish(self) -> None:
         f, p = self.fit, self.p

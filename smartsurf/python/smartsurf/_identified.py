@@ -23,7 +23,7 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def cell_faults(fit: CellFit, least_delay: int) -> Rows:
-    """What makes each cell different, as entries of a map of faults."""
+    """The cells' own values, as entries of a map of faults."""
     rows: Rows = []
     for r, c in np.argwhere(fit.state != IDLE):
         at = (int(r), int(c), fit.channel)
@@ -59,7 +59,7 @@ def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence
 
 def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], found: dict[str, tuple[float, float]],
                     map_name: str | None) -> str:
-    """The original script between what gives it the values."""
+    """The original script between lines that give it the values."""
     lines = [f"-- {original_name} with what smartsurf identify has found in {', '.join(pathlib.Path(r.path).name for r in recordings)}."]
     lines += ["-- Each parameter: its value and its standard error. With --set uncertainty=2 each run draws from two errors to both sides.",
               "local uncertainty = option('uncertainty', 0, 'half width of the identified ranges, in standard errors')",

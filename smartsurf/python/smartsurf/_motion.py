@@ -99,7 +99,7 @@ class _View:
             parts.append(np.where(known, r, 0).reshape(len(y), -1))
         if self.force is not None:
             f, p = self.weight(sensed), self.weight(self.as_known(predicted, sensed))
-            # Of an impact between two ticks each has its part.
+            # Both ticks have a part of an impact between them, in shares that are not known.
             noise = self.force_noise + 0.02 * np.maximum(f, p)
             r = np.clip((f - p) / noise, -_FARTHEST, _FARTHEST)
             parts.append((r if spread is None else r / np.hypot(1, spread[self.force] / noise))[:, None])
@@ -107,7 +107,7 @@ class _View:
 
     @staticmethod
     def as_known(predicted: Mapping[str, Array], sensed: Mapping[str, Array]) -> dict[str, Array]:
-        """What is predicted of the readings that are known."""
+        """`predicted` with NaN where a reading is not known."""
         return {name: np.where(np.isfinite(sensed[name]), plane, np.nan) for name, plane in predicted.items()}
 
     def track(self, planes: Mapping[str, Array]) -> Array:

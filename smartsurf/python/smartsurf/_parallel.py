@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Arguments(TypedDict, total=False):
-    """Those of ParallelEnv besides the experiment."""
+    """The arguments of ParallelEnv besides the experiment."""
     block: int
     radius: int
     set: Options | None

@@ -167,7 +167,7 @@ class Actor:
         return shared + self.log_single_deviation.exp() * torch.randn(shared.shape, generator=generator)
 
     def log_probability(self, actions: Any, mean: Any, features: Any) -> Any:
-        """Of each cell's commands: (n, rows, columns)."""
+        """The log probability of each cell's commands: (n, rows, columns)."""
         variance = torch.einsum("kf,nfrc->nkrc", (2 * self.log_deviation).exp(), features**2)
         variance = variance + (2 * self.log_single_deviation).exp()
         return (-0.5 * ((actions - mean) ** 2 / variance + variance.log() + np.log(2 * np.pi))).sum(dim=1)
@@ -307,7 +307,7 @@ class Learner:
                 failed = np.isnan(tick_reward)
                 tick_reward = finite_rewards(tick_reward, infos)
                 self._last_reward = np.stack([tick_reward, np.ones(worlds)], axis=1).astype(np.float32)
-                # Those of the next episode count from its first decision on.
+                # A next episode's rewards count from its first decision on.
                 tick_reward = np.where(over, 0, tick_reward)
                 reward += tick_reward / how.hold
                 self._running += tick_reward

@@ -30,7 +30,7 @@ class Estimate:
 
     @staticmethod
     def deviation(value: float, samples: int, quantum: float = 0.0) -> "Estimate":
-        """Of a standard deviation, by the χ² distribution; a quantum's share of the variance is subtracted."""
+        """The estimate of a standard deviation, by the χ² distribution; a quantum's share of the variance is subtracted."""
         samples = max(samples, 2)
         # Quantiles of χ² without scipy.stats, whose import takes longer than many a command.
         ends = [value ** 2 * samples / (2 * special.gammaincinv(samples / 2, p)) - quantum ** 2 / 12 for p in (0.975, 0.025)]

@@ -63,7 +63,7 @@ class State:
         return values[:, ids] if several else values[:, ids[0]]
 
     def position(self, object: str | int | None = None) -> Array:
-        """Of all objects, worlds × objects × 3, or of one, by label or id, worlds × 3; u."""
+        """The positions of all objects, worlds × objects × 3, or of one, by label or id, worlds × 3; u."""
         return self._of("position", object)
 
     def orientation(self, object: str | int | None = None) -> Array:
@@ -253,7 +253,7 @@ class _Judge:
         return parts if isinstance(given, Mapping) else parts[""]
 
     def space(self, observation: Any, of_planes: gymnasium.Space[Any]) -> gymnasium.Space[Any]:
-        """Of one world. The planes have the limits of their channels."""
+        """The observation space of one world. The planes have the limits of their channels."""
         if isinstance(observation, dict):
             return gymnasium.spaces.Dict({name: _space(values) for name, values in observation.items()})
         return of_planes if type(self.task).observation is Task.observation else _space(observation)

@@ -32,7 +32,7 @@ _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetM
 
 
 class MostArguments(TypedDict, total=False):
-    """Those of VectorEnv that a Task's environments pass on."""
+    """The arguments of VectorEnv that a Task's environments pass on."""
     threads: int | None
     engine: str | None
     seed: int | Sequence[int] | None

@@ -77,7 +77,7 @@ class Model:
     times_s: Array
     meshes: list[Mesh]
     nodes: list[Node]
-    # Of each of these names the values at times_s: F × rows × columns (× components), or F.
+    # Values at times_s by name: F × rows × columns (× components) of a channel, F of a metric.
     channels: dict[str, Array] = field(default_factory=dict)
     metrics: dict[str, Array] = field(default_factory=dict)
 

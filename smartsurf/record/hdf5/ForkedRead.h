@@ -11,9 +11,9 @@
 
 namespace smartsurf::record {
 
-// Runs the action in a forked child, which may read the file alone, with 15 s of processor time and so much more
-// address space; its side effects are lost. Returns why the file must not be read here; empty if the action returns
-// or throws anything but std::bad_alloc. Throws std::runtime_error if no child can be created.
+// Runs the action in a forked child, which may read the file alone, with 15 s of processor time and so much
+// more address space; its side effects are lost. Returns why the file must not be read here; empty if the
+// action returns or throws anything but std::bad_alloc. Throws std::runtime_error if no child can be created.
 std::string refusal_of_child(const std::filesystem::path& file, std::size_t memory_bytes,
                              const std::function<void()>& action);
 

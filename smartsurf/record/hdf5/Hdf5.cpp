@@ -140,6 +140,15 @@ Handle create_dataset(hid_t parent, const char* name, hid_t type, hid_t space, h
                 std::string("dataset ") + name);
 }
 
+void write_dataset(hid_t parent, const char* name, std::span<const hsize_t> size, hid_t type,
+                   const void* values) {
+  const Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose, name);
+  const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+  check(H5Pset_obj_track_times(properties, false), name);
+  const Handle dataset = create_dataset(parent, name, type, space, properties);
+  check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values), name);
+}
+
 Handle create_group(hid_t parent, const char* name) {
   return Handle(H5Gcreate2(parent, name, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
                 std::string("group ") + name);

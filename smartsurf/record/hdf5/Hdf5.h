@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -82,6 +83,9 @@ Handle string_type();
 // Chunked storage without timestamps, so that the same run gives the same bytes.
 Handle chunked_properties(const std::vector<hsize_t>& chunk);
 Handle create_dataset(hid_t parent, const char* name, hid_t type, hid_t space, hid_t properties);
+// A dataset of this size with the values, row-major; without timestamps.
+void write_dataset(hid_t parent, const char* name, std::span<const hsize_t> size, hid_t type,
+                   const void* values);
 Handle create_group(hid_t parent, const char* name);
 
 void write_attribute(hid_t object, const char* name, const std::string& text);

@@ -19,11 +19,8 @@ constexpr hsize_t kMaxValues = hsize_t{1} << 28;      // per dataset; more is im
 template <class Number>
 void write_table(hid_t group, const char* name, const std::vector<Number>& numbers, hsize_t width) {
   const hsize_t size[] = {numbers.size() / width, width};
-  const Handle space(H5Screate_simple(width == 1 ? 1 : 2, size, nullptr), H5Sclose, name);
-  const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-  check(H5Pset_obj_track_times(properties, false), name);
-  const Handle dataset = create_dataset(group, name, native_type<Number>(), space, properties);
-  check(H5Dwrite(dataset, native_type<Number>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()), name);
+  write_dataset(group, name, std::span(size).first(width == 1 ? 1 : 2), native_type<Number>(),
+                numbers.data());
 }
 
 template <class Number>

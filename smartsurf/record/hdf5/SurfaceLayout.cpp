@@ -19,11 +19,7 @@ template <class Number>
 void write_grid(hid_t group, const char* name, const scene::SurfaceSpec& surface, hsize_t width,
                 const std::vector<Number>& values) {
   const hsize_t size[] = {static_cast<hsize_t>(surface.rows), static_cast<hsize_t>(surface.columns), width};
-  const Handle space(H5Screate_simple(width == 1 ? 2 : 3, size, nullptr), H5Sclose, name);
-  const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
-  check(H5Pset_obj_track_times(properties, false), name);
-  const Handle dataset = create_dataset(group, name, native_type<Number>(), space, properties);
-  check(H5Dwrite(dataset, native_type<Number>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), name);
+  write_dataset(group, name, std::span(size).first(width == 1 ? 2 : 3), native_type<Number>(), values.data());
 }
 
 template <class Number>

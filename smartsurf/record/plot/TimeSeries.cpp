@@ -1,11 +1,11 @@
 #include "smartsurf/record/plot/TimeSeries.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <optional>
 
+#include "common/text/Number.h"
 #include "common/text/Suggestion.h"
 
 namespace smartsurf::record {
@@ -27,9 +27,7 @@ std::string join(const std::vector<std::string>& names) {
 
 std::optional<std::size_t> parse_index(const std::string& text) {
   std::size_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  return common::parse_number(text, value) ? std::optional(value) : std::nullopt;
 }
 
 void require_no_arguments(const std::string& kind, const Arguments& arguments) {

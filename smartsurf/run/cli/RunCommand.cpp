@@ -4,12 +4,12 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 #include <iterator>
 #include <memory>
 
 #include "common/files/FileKind.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Number.h"
 #include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/mesh/SolidLibrary.h"
@@ -291,8 +291,7 @@ int check_command(const RunFlags& flags) {
 CLI::Validator whole_number_validator() {
   return {[](std::string& text) {
             std::uint64_t value = 0;
-            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-            if (error == std::errc{} && end == text.data() + text.size()) return std::string();
+            if (common::parse_number(text, value)) return std::string();
             return fmt::format("'{}' is not a whole number from 0 to {}", text, UINT64_MAX);
           },
           ""};

@@ -21,6 +21,7 @@
 #include "common/files/ReadFile.h"
 #include "common/files/UserFile.h"
 #include "common/image/Png.h"
+#include "common/process/Arguments.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
 #include "smartsurf/run/options/RunOptions.h"
@@ -50,7 +51,8 @@ view::StartContents read_contents() {
   contents.recent = read_recent();
   const fs::path gallery = common::installed_file("gallery"), folder = gallery.parent_path();
   std::string text;
-  if (gallery.empty() || common::read_file(gallery / "gallery.tsv", common::kMaxTextBytes, text)) return contents;
+  if (gallery.empty() || common::read_file(gallery / "gallery.tsv", common::kMaxTextBytes, text))
+    return contents;
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {
     std::istringstream fields(line);
@@ -81,9 +83,7 @@ std::vector<std::string> command_for(const std::string& file) {
 // Passes what the child writes to standard error on, and returns the last line if the child fails. Ends it on
 // `stop`.
 std::string run_and_wait(const std::vector<std::string>& command, const std::atomic<bool>& stop) {
-  std::vector<char*> arguments;
-  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
-  arguments.push_back(nullptr);
+  std::vector<char*> arguments = common::argument_pointers(command);
   std::array<int, 2> errors{};
   if (pipe(errors.data()) != 0)
     throw std::system_error(errno, std::generic_category(), "cannot start the run");

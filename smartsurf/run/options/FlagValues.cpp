@@ -2,17 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 
+#include "common/text/Number.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
 
 double parse_positive_number(const std::string& flag, const std::string& text) {
   double value = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !(value > 0.0 && value <= 1e9))
+  if (!common::parse_number(text, value) || !(value > 0.0 && value <= 1e9))
     throw scene::InputError(fmt::format("{} {}: must be a number greater than 0, at most 1e9", flag, text));
   return value;
 }
@@ -23,10 +22,7 @@ Screenshot parse_screenshot(const std::string& text) {
   if (separator != std::string::npos) {
     double seconds = 0.0;
     const std::string seconds_text = text.substr(separator + 1);
-    const auto [end, error] =
-        std::from_chars(seconds_text.data(), seconds_text.data() + seconds_text.size(), seconds);
-    if (error != std::errc{} || end != seconds_text.data() + seconds_text.size() || !std::isfinite(seconds) ||
-        seconds < 0.0)
+    if (!common::parse_number(seconds_text, seconds) || !std::isfinite(seconds) || seconds < 0.0)
       throw scene::InputError(fmt::format(
           "--screenshot {}: '{}' must be a time in seconds, as in before.png@0.5", text, seconds_text));
     screenshot.time_s = seconds;

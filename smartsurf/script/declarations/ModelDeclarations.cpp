@@ -82,7 +82,7 @@ PlacedObject make_placed(const ScriptContext& context, lua_State* L, const Geome
   return one;
 }
 
-// In the frame of the body.
+// The inertial of a geometry in the frame of the body.
 Inertial inertial_of(const ScriptContext& context, const Geometry& g, const PlacedObject& one,
                      const Placement& at) {
   const double density = g.density.value_or(context.spec.materials[at.material].density);

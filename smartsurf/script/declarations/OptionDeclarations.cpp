@@ -2,12 +2,12 @@
 // random_stream, math.random: the experiment's random numbers.
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "common/text/Number.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -31,12 +31,10 @@ const std::string* find_override(const ScriptContext& context, const std::string
 }
 
 template <typename T>
-std::optional<T> parse_number(const std::string& text) {
+std::optional<T> parse_number(std::string_view text) {
   T value{};
-  const char* const begin = text.data() + (text.starts_with("+") ? 1 : 0);
-  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  if (text.starts_with("+")) text.remove_prefix(1);
+  return common::parse_number(text, value) ? std::optional(value) : std::nullopt;
 }
 
 [[noreturn]] void throw_option_error(lua_State* L, const std::string& name, const std::string& text,

@@ -254,14 +254,6 @@ const char* known_equivalent(const std::string& name) {
   return found == kEquivalents.end() ? nullptr : found->second;
 }
 
-std::vector<std::string> global_names(lua_State* L) {
-  std::vector<std::string> names;
-  for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1))
-    if (lua_type(L, -2) == LUA_TSTRING) names.emplace_back(lua_tostring(L, -2));
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
 int unknown_global(Sandbox&, lua_State* L) {
   lua_settop(L, 2);
   const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : format_value(L, 2);
@@ -272,7 +264,7 @@ int unknown_global(Sandbox&, lua_State* L) {
   if (const char* const equivalent = known_equivalent(name))
     throw ScriptError("unknown name '" + name + "'; write " + equivalent);
   throw ScriptError("unknown name '" + to_single_line(name.substr(0, 60)) + "'" +
-                    did_you_mean(name, global_names(L)));
+                    did_you_mean(name, string_keys(L, 1)));
 }
 
 void open_sandboxed_libraries(lua_State* L) {

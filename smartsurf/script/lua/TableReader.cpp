@@ -66,6 +66,14 @@ std::string join_names(const std::vector<std::string>& names) {
   return joined;
 }
 
+std::vector<std::string> string_keys(lua_State* L, int table) {
+  std::vector<std::string> names;
+  for (lua_pushnil(L); lua_next(L, table) != 0; lua_pop(L, 1))
+    if (lua_type(L, -2) == LUA_TSTRING) names.emplace_back(lua_tostring(L, -2));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 void throw_invalid_value(lua_State* L, int index, const std::string& name, const std::string& requirement) {
   throw ScriptError(name + " = " + format_value(L, index) + ": must be " + requirement);
 }

@@ -22,6 +22,8 @@ std::string format_value(lua_State* L, int index);
 // " (did you mean 'radius'?)", or "" if no known name is close.
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& known);
 std::string join_names(const std::vector<std::string>& names);
+// The keys of a table that are strings, ascending. `table`: an absolute index.
+std::vector<std::string> string_keys(lua_State* L, int table);
 // Throws ScriptError("NAME = VALUE: must be REQUIREMENT").
 [[noreturn]] void throw_invalid_value(lua_State* L, int index, const std::string& name,
                                       const std::string& requirement);

@@ -9,14 +9,6 @@
 namespace smartsurf::script {
 namespace {
 
-std::vector<std::string> collect_string_keys(lua_State* L, int table) {
-  std::vector<std::string> names;
-  for (lua_pushnil(L); lua_next(L, table) != 0; lua_pop(L, 1))
-    if (lua_type(L, -2) == LUA_TSTRING) names.emplace_back(lua_tostring(L, -2));
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
 // Called with names that the table of methods lacks. Upvalues: the table of methods, the property function or
 // nil, the type's name.
 int index_metamethod(Sandbox&, lua_State* L) {
@@ -28,7 +20,7 @@ int index_metamethod(Sandbox&, lua_State* L) {
     if (!lua_isnil(L, -1)) return 1;
   }
   const std::string type = lua_tostring(L, lua_upvalueindex(3));
-  const std::vector<std::string> names = collect_string_keys(L, lua_upvalueindex(1));
+  const std::vector<std::string> names = string_keys(L, lua_upvalueindex(1));
   std::string hint;
   if (lua_type(L, 2) == LUA_TSTRING) hint = did_you_mean(lua_tostring(L, 2), names);
   throw ScriptError(type + ": has no " + format_value(L, 2) +

@@ -20,9 +20,6 @@ constexpr float kMinVisibleLevel = 0.02F;  // weaker forces and flows are not dr
 
 Rgba8 to_linear_rgba8(const Rgb& srgb, float alpha = 1.0F) {
   const Rgb light = linear_light(srgb);
-  const auto to_byte = [](float v) {
-    return static_cast<std::uint8_t>(std::clamp(v, 0.0F, 1.0F) * 255.0F + 0.5F);
-  };
   return {to_byte(light[0]), to_byte(light[1]), to_byte(light[2]), to_byte(alpha)};
 }
 

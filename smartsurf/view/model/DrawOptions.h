@@ -21,8 +21,8 @@ inline constexpr std::array<const char*, 2> kStageNames = {"light", "dark"};
 
 // How much work a frame may be. kStill: smooth edges, soft shadows, ambient occlusion; about a second for a
 // picture on a software renderer. kVideo: about a tenth of that. kFast: some milliseconds for a small image.
-// kFinal: path-traced, some seconds for a picture. These four have the order of the flag --quality. kSmooth: as kFast
-// with smooth edges, in twice the time.
+// kFinal: path-traced, some seconds for a picture. These four have the order of the flag --quality. kSmooth:
+// as kFast with smooth edges, in twice the time.
 enum class Detail { kStill, kVideo, kFast, kFinal, kSmooth };
 
 // A straight line of constant width in pixels.
@@ -58,8 +58,8 @@ struct DrawOptions {
   // Drawn in the lower right corner of off-screen images. Must outlive the call.
   const ColourScale* legend = nullptr;
 
-  // Path-traced pictures: the lens diameter, u, focused on the camera's target (0: everything is sharp), and the
-  // paths per pixel.
+  // Path-traced pictures: the lens diameter, u, focused on the camera's target (0: everything is sharp), and
+  // the paths per pixel.
   double aperture = 0.0;
   int samples = kDefaultSamples;
 

@@ -1,21 +1,12 @@
 #include "smartsurf/view/model/OptionEdit.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 
+#include "common/text/Number.h"
+
 namespace smartsurf::view {
-namespace {
-
-template <class Number>
-bool parse(const std::string& text, Number& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size();
-}
-
-}  // namespace
-
 OptionEdit::OptionEdit(const scene::OptionSpec& option)
     : name(option.name), help(option.help), original(option.value), text(option.value) {
   long integer = 0;
@@ -23,10 +14,10 @@ OptionEdit::OptionEdit(const scene::OptionSpec& option)
   if (original == "true" || original == "false") {
     kind = Kind::kBool;
     checked = original == "true";
-  } else if (parse(original, integer) && std::abs(integer) < (1 << 23)) {
+  } else if (common::parse_number(original, integer) && std::abs(integer) < (1 << 23)) {
     kind = Kind::kInteger;
     number = static_cast<float>(integer);
-  } else if (parse(original, real) && std::isfinite(real)) {
+  } else if (common::parse_number(original, real) && std::isfinite(real)) {
     kind = Kind::kReal;
     number = static_cast<float>(real);
   }

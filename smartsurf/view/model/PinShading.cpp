@@ -19,10 +19,6 @@ constexpr float kCornerOcclusion = 0.62f;  // strength of occlusion by neighbour
 constexpr Rgb kLowColour{0.36f, 0.42f, 0.50f}, kHighColour{0.80f, 0.805f, 0.81f},
     kBorderColour{0.31f, 0.34f, 0.39f};
 
-std::uint8_t to_byte(float value) {
-  return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f);
-}
-
 // Fraction of the sky that a wall hides from a point at its foot: 0 … 1. wall: its height in pitches.
 float sky_occlusion(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(1.0f + wall * wall); }
 

@@ -1,20 +1,15 @@
 #include "smartsurf/view/model/Signal.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
+
+#include "common/text/Number.h"
 
 namespace smartsurf::view {
 namespace {
 
 constexpr std::string_view kMetricPrefix = "metric:";
-
-template <class Integer>
-bool parse_integer(std::string_view text, Integer& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size();
-}
 
 }  // namespace
 
@@ -53,11 +48,12 @@ std::optional<Signal> parse_signal(std::string_view text) {
   const std::size_t comma = index.find(',');
   if (comma == index.npos) {
     signal.kind = Signal::Kind::kObject;
-    return is_object_quantity && parse_integer(index, signal.object) ? std::optional(signal) : std::nullopt;
+    return is_object_quantity && common::parse_number(index, signal.object) ? std::optional(signal)
+                                                                            : std::nullopt;
   }
   signal.kind = Signal::Kind::kCell;
-  const bool valid = parse_integer(index.substr(0, comma), signal.row) &&
-                     parse_integer(index.substr(comma + 1), signal.column) && signal.row >= 0 &&
+  const bool valid = common::parse_number(index.substr(0, comma), signal.row) &&
+                     common::parse_number(index.substr(comma + 1), signal.column) && signal.row >= 0 &&
                      signal.column >= 0 && !signal.quantity.empty();
   return valid ? std::optional(signal) : std::nullopt;
 }

@@ -3,16 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/view/model/Palette.h"
 #include "smartsurf/view/model/Signal.h"
 
 namespace smartsurf::view {
 namespace {
 
 constexpr std::size_t kMaxPoints = 400;  // per object
-
-std::uint8_t to_byte(float value) {
-  return static_cast<std::uint8_t>(std::clamp(value, 0.0F, 1.0F) * 255.0F + 0.5F);
-}
 
 }  // namespace
 

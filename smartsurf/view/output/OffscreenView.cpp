@@ -42,7 +42,6 @@ struct OffscreenView::State {
     }
     open_context();
     renderer = std::make_unique<Renderer>(spec, quality_of(detail));
-    driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
     context->release();
   }
   ~State() {
@@ -101,7 +100,6 @@ struct OffscreenView::State {
   std::unique_ptr<PathTracer> tracer;  // instead of the renderer
   std::unique_ptr<RenderTarget> target;
   std::unique_ptr<LegendRenderer> legend_renderer;  // created for the first image with a legend
-  std::string driver = "Embree";
 };
 
 void OffscreenView::require_available(Detail detail) {
@@ -127,8 +125,6 @@ common::Image OffscreenView::render(const scene::Snapshot& snapshot,
   if (options.legend) s.draw_legend(*options.legend, width, height);
   return s.read_and_release(width, height);
 }
-
-std::string OffscreenView::driver_name() const { return state_->driver; }
 
 common::Image render_image(const scene::SceneSpec& spec, const scene::Snapshot& snapshot,
                            const std::vector<scene::ObjectSpec>& catalogue, const Camera& camera,

@@ -34,9 +34,6 @@ class OffscreenView {
   common::Image render(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                        const Camera& camera, const DrawOptions& options, int width, int height);
 
-  // The driver's GL_RENDERER string, or "Embree", for logs.
-  std::string driver_name() const;
-
  private:
   struct State;
   std::unique_ptr<State> state_;

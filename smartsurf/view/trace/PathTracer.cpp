@@ -243,10 +243,6 @@ class Lens {
   double focus_, radius_;
 };
 
-std::uint8_t to_byte(float value) {
-  return static_cast<std::uint8_t>(std::clamp(value, 0.0F, 1.0F) * 255.0F + 0.5F);
-}
-
 }  // namespace
 
 Vec to_screen(const Vec& radiance) {

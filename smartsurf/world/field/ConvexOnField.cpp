@@ -320,7 +320,8 @@ class PartOnField {
         closest.normal.dot(proxy_.sharp_support(-closest.normal)) - p.column.max_projection(closest.normal);
     Escape axis{closest.normal, std::max(sharp_separation, sat_axis.separation)};
     if (is_level_disc() && sharp_separation <= sat_axis.separation) axis.normal = sat_axis.normal;
-    if (is_level_disc() && axis.normal.z() < kMaxRimNormalZ && rides_up(Vec3::Zero(), p.column.top, low_.z())) return;
+    if (is_level_disc() && axis.normal.z() < kMaxRimNormalZ && rides_up(Vec3::Zero(), p.column.top, low_.z()))
+      return;
     if (axis.separation > margin_) return;
     if (axis.normal.z() < -0.01F ||
         p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance)) {

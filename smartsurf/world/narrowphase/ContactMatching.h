@@ -8,9 +8,11 @@
 
 namespace smartsurf::world {
 
-// Each current contact takes the impulses of the nearest previous contact within `tolerance` (distance of anchors, u)
-// with the same partner; each previous contact is used once. `manifold`: index in `previous`, or −1.
-void match_contacts(ContactList&, const Manifold& current, const ContactList& previous, int manifold, float tolerance);
+// Each current contact takes the impulses of the nearest previous contact within `tolerance` (distance of
+// anchors, u) with the same partner; each previous contact is used once. `manifold`: index in `previous`, or
+// −1.
+void match_contacts(ContactList&, const Manifold& current, const ContactList& previous, int manifold,
+                    float tolerance);
 
 // As match_contacts() between two bodies, for a manifold that was kept and whose points all had contacts in
 // the last step: these are known by their points, unless one has moved so far that another may be nearer.

@@ -45,7 +45,7 @@ float relative_motion(const RelativePose& pose, const PairManifoldCache::CachedM
          kHalfRoot * bounding_radius * (pose.rotation - cached.rotation).norm();
 }
 
-// From the point on b to the point on a, in the axes of b.
+// The vector from the point on b to the point on a, in the axes of b.
 Vec3 point_offset(const RelativePose& pose, const PairManifoldCache::CachedPoint& p) {
   return pose.rotation * p.on_a + pose.translation - p.on_b;
 }

@@ -19,7 +19,7 @@ class PairSweep {
  public:
   static constexpr float kNever = std::numeric_limits<float>::infinity();
 
-  // With the velocities at the start of the step, or with motions in the step.
+  // The bodies move at their velocities at the start of the step, or by the given motions.
   PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s);
   PairSweep(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s, const DeltaPose& motion_a,
             const DeltaPose& motion_b);

@@ -14,12 +14,13 @@ namespace smartsurf::world {
 // Each member counts its arrivals on a cache line that it alone writes, and waiters read the counts of the
 // others. This costs one transfer between cores, where a shared counter costs several.
 //
-// A waiter spins first (common::spin_until), because phases last microseconds and a futex sleep costs tens of them,
-// and then sleeps, so that another process on the core of a late member can finish.
+// A waiter spins first (common::spin_until), because phases last microseconds and a futex sleep costs tens of
+// them, and then sleeps, so that another process on the core of a late member can finish.
 class Barrier {
  public:
   explicit Barrier(int member_count)
-      : slots_(member_count), spins_(static_cast<unsigned>(member_count) <= std::thread::hardware_concurrency()) {}
+      : slots_(member_count),
+        spins_(static_cast<unsigned>(member_count) <= std::thread::hardware_concurrency()) {}
 
   // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must
   // be followed by the member's own wait().

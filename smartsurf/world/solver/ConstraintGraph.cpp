@@ -163,8 +163,8 @@ void ConstraintGraph::collect_own_batches(const Member& member) {
   own.end_colour();
 }
 
-// An even share of the batches of each key, in which those of a member's slabs are contiguous and those of its
-// neighbours next to them. What is left over goes to one member after the other.
+// An even share of the batches of each key, in which those of a member's slabs are contiguous and those of
+// its neighbours next to them. What is left over goes to one member after the other.
 void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
   if (run.count == 0) return;
   MemberBatchRanges& own = member_batches_[member.index];
@@ -175,9 +175,11 @@ void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& me
   const auto group = key_of_run / kPointCountBuckets;
   auto batches_before = [&](int position) { return run.first + (position - begin + kLanes - 1) / kLanes; };
   for (auto key = group * kPointCountBuckets; key < (group + 1) * kPointCountBuckets; ++key) {
-    const int first = batches_before(first_of_key_[key]), count = batches_before(first_of_key_[key + 1]) - first;
+    const int first = batches_before(first_of_key_[key]),
+              count = batches_before(first_of_key_[key + 1]) - first;
     const auto share_before = [&](int members) {
-      return static_cast<int>((static_cast<long>(count) * members + first % member.member_count) / member.member_count);
+      return static_cast<int>((static_cast<long>(count) * members + first % member.member_count) /
+                              member.member_count);
     };
     const int from = share_before(member.index), to = share_before(member.index + 1);
     own.append({run.kind, first + from, to - from});

@@ -66,8 +66,8 @@ class ConstraintGraph {
   BatchRange sphere_static() const { return sphere_static_; }
   BatchRange general_static() const { return general_static_; }
 
-  // The member's batches of the i-th colour; for i = colours().size(), those of static contacts. Each member has
-  // as many as the others, near its slabs. The overflow set belongs to the caller of Team::run.
+  // The member's batches of the i-th colour; for i = colours().size(), those of static contacts. Each member
+  // has as many as the others, near its slabs. The overflow set belongs to the caller of Team::run.
   std::span<const BatchRange> own_batches(const Member& member, std::size_t i) const {
     return member_batches_[member.index].of(i);
   }

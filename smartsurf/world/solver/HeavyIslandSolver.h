@@ -23,8 +23,8 @@ namespace smartsurf::world {
 
 class HeavyIslandSolver {
  public:
-  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so does one that
-  // presses the springs of its contacts far deeper than they yield here.
+  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so
+  // does one that presses the springs of its contacts far deeper than they yield here.
   static constexpr float kHeavyLoad = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
@@ -102,7 +102,8 @@ class HeavyIslandSolver {
   };
   struct Island {
     bool is_heavy;  // not only sinking
-    std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0, patch_count = 0;
+    std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
+                 patch_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     std::int32_t member = 0;        // that solves it
   };
@@ -122,8 +123,8 @@ class HeavyIslandSolver {
   void share_islands();
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
                     const SubstepParams& static_params, bool is_soft, MemberData&);
-  // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the direct solution
-  // would have to take out again.
+  // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the
+  // direct solution would have to take out again.
   static void exchange_impulses(std::span<Point>, const BatchPoints&, const SolverBodies&);
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
   static void set_up(PatchFriction&, const SolverBodies&);

@@ -7,9 +7,9 @@
 // approach because of it, and so on. So a blow travels through a row of balls one by one, and what is
 // symmetric stays symmetric.
 //
-// One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them: each member
-// solves those of its rows in the order of the list. A body that several members touch is passed on in that order, so
-// that the impulses are those of one thread, to the bit.
+// One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them:
+// each member solves those of its rows in the order of the list. A body that several members touch is passed
+// on in that order, so that the impulses are those of one thread, to the bit.
 #pragma once
 
 #include <cstdint>

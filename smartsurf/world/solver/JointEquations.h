@@ -37,8 +37,8 @@ class JointEquations {
   std::span<const std::int32_t> tree_bodies() const { return tree_bodies_; }
   std::span<const std::int32_t> tree_joints() const { return tree_joints_; }
 
-  // ---- values; set all of a tree between begin() and factor(), which replaces them. Threads may work on different
-  // trees at once.
+  // ---- values; set all of a tree between begin() and factor(), which replaces them. Threads may work on
+  // different trees at once.
   void begin(std::int32_t tree);
   Matrix6& mass(std::int32_t body) { return diagonal_[place_of_body_[body]]; }
   Matrix6& compliance(std::int32_t joint) { return diagonal_[place_of_joint_[joint]]; }

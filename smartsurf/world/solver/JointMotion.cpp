@@ -106,7 +106,8 @@ void JointSolver::move_bodies(const Rows& rows, IndexRange trees) {
 
 void JointSolver::store_motion(const Pose& from, const Pose& to, DeltaPose& delta) {
   Eigen::Map<Vec3>(delta.translation) = Vec3d(to.position - from.position).cast<float>();
-  Eigen::Map<Vec3>(delta.rotation) = rotation_vector_of(to.orientation * from.orientation.conjugate()).cast<float>();
+  Eigen::Map<Vec3>(delta.rotation) =
+      rotation_vector_of(to.orientation * from.orientation.conjugate()).cast<float>();
 }
 
 void JointSolver::end_early(std::int32_t body, float fraction) {
@@ -132,7 +133,8 @@ void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Sub
       const surface::Wrench& w = bodies.wrench[static_cast<std::size_t>(b.body)];
       const Vec3d force = substep.gravity.cast<double>() / b.inverse_mass + w.force.cast<double>();
       work += force.dot(b.now.position - end_of(i).position);
-      work += w.torque.cast<double>().dot(rotation_vector_of(b.now.orientation * end_of(i).orientation.conjugate()));
+      work += w.torque.cast<double>().dot(
+          rotation_vector_of(b.now.orientation * end_of(i).orientation.conjugate()));
       energy += 0.5 * (b.velocity.squaredNorm() / b.inverse_mass + b.momentum.dot(b.angular_velocity));
     }
     for (const std::int32_t k : joints_of(equations_.trees()[t])) {

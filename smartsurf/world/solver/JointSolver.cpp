@@ -30,8 +30,8 @@ constexpr double kCompliance = 1e-12, kLoopCompliance = 1e-6;
 // Baumgarte factor and its speed limit, u/s: joints in loops, and joints and contacts together, can be
 // over-constrained.
 constexpr double kErrorReduction = 0.5, kMaxJointBiasSpeed = 4.0;
-// Corrections up to this speed, u/s, are solved together with the motion. Where a loop is stretched out, a small error
-// takes a great speed, which must not remain.
+// Corrections up to this speed, u/s, are solved together with the motion. Where a loop is stretched out, a
+// small error takes a great speed, which must not remain.
 constexpr double kSlowCorrection = 1e-3;
 
 // The world tensor of the moments about the least, middle and greatest principal axis, or of their inverses.
@@ -262,7 +262,8 @@ void JointSolver::index_bodies(const BodyStore& bodies) {
   equations_.set_structure(static_cast<std::int32_t>(bodies_.size()), nodes);
   tree_states_.assign(equations_.trees().size(), {});
   for (std::size_t t = 0; t < tree_states_.size(); ++t)
-    for (const std::int32_t i : bodies_of(equations_.trees()[t])) bodies_[i].tree = static_cast<std::int32_t>(t);
+    for (const std::int32_t i : bodies_of(equations_.trees()[t]))
+      bodies_[i].tree = static_cast<std::int32_t>(t);
   indexed_ = true;
 }
 
@@ -286,7 +287,8 @@ IndexRange JointSolver::share(const Member& member) const {
   const auto first_tree = [&](int index) {
     if (index == member.member_count) return static_cast<int>(tree_states_.size());
     const long wanted = static_cast<long>(active_joints_before_.back()) * index / member.member_count;
-    return static_cast<int>(std::ranges::lower_bound(active_joints_before_, wanted) - active_joints_before_.begin());
+    return static_cast<int>(std::ranges::lower_bound(active_joints_before_, wanted) -
+                            active_joints_before_.begin());
   };
   return {first_tree(member.index), first_tree(member.index + 1)};
 }
@@ -445,9 +447,10 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
   for (int t = trees.begin; t < trees.end; ++t) {
     TreeState& s = tree_states_[t];
     s.is_off = s.is_selected() && std::ranges::any_of(joints_of(equations_.trees()[t]), [&](std::int32_t k) {
-      const Block& b = blocks_[k];
-      return b.is_active && (b.target_error - b.error).head(b.rigid_rows).norm() > kSlowCorrection * s.h_s;
-    });
+                 const Block& b = blocks_[k];
+                 return b.is_active &&
+                        (b.target_error - b.error).head(b.rigid_rows).norm() > kSlowCorrection * s.h_s;
+               });
     if (!s.is_off) continue;
     for (const std::int32_t k : joints_of(equations_.trees()[t])) blocks_[k].target_error = blocks_[k].error;
   }
@@ -461,7 +464,8 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
     correct_target(j, block, h_s);
   });
   solve_trees(Stage::kSolve, trees);
-  for_each_selected(trees, [](Joint&, Block& block, double) { block.correction = block.impulse - block.correction; });
+  for_each_selected(
+      trees, [](Joint&, Block& block, double) { block.correction = block.impulse - block.correction; });
   for (TreeState& s : states_of(trees))
     if (s.role == Role::kSetAside) s.role = Role::kSelected;
 }
@@ -472,7 +476,8 @@ void JointSolver::correct_target(const Joint& j, Block& block, double h_s) {
   for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
     Vec3d correction = Vec3d::Zero();
     correction.head(count) = kErrorReduction * block.error.segment(first, count);
-    block.target_error.segment(first, count) -= law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
+    block.target_error.segment(first, count) -=
+        law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
   }
 }
 
@@ -487,8 +492,7 @@ void JointSolver::take_back_corrections(IndexRange trees) {
 
 void JointSolver::note_springs(IndexRange trees) {
   for_each_selected(trees, [&](Joint& j, Block& block, double) {
-    if (j.has_spring)
-      block.spring_impulse = block.spring_at_rest - block.law.slope() * speeds(block)[kAxis];
+    if (j.has_spring) block.spring_impulse = block.spring_at_rest - block.law.slope() * speeds(block)[kAxis];
   });
 }
 

@@ -2,8 +2,8 @@
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
 // (scene/JointSpec.h). All rows of the bodies that joints connect with each other, a tree, are solved at once
-// (JointEquations.h); threads share the trees. What acts along an axis is an AxisLaw; the places of the axes are those
-// at which the solution obeys all laws, beginning with those of the last substep.
+// (JointEquations.h); threads share the trees. What acts along an axis is an AxisLaw; the places of the axes
+// are those at which the solution obeys all laws, beginning with those of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
 // end, on the curved path of the bodies; relax() removes the velocity across the constraints at its end. This
@@ -74,8 +74,8 @@ class JointSolver {
   // Writes the rotations of delta_pose.
   void relax(const Rows&, IndexRange trees);
   // ---- on one thread
-  // Solve and relax again, for the trees with a body in a touched row, after contacts have changed the velocities. Return
-  // whether any joint was off by more than `tolerance`, u/s.
+  // Solve and relax again, for the trees with a body in a touched row, after contacts have changed the
+  // velocities. Return whether any joint was off by more than `tolerance`, u/s.
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
@@ -85,11 +85,12 @@ class JointSolver {
     for (const Body& b : bodies_)
       if (b.is_active) visit(b.body);
   }
-  // After the last substep: the tree of the body is to end its motion at this fraction of the step, if not earlier.
+  // After the last substep: the tree of the body is to end its motion at this fraction of the step, if not
+  // earlier.
   void end_early(std::int32_t body, float fraction);
-  // Moves such trees back to the end of the last substep before that, where their joints hold. They keep their speeds,
-  // turned back with the bodies, less what gravity and forces would have done on the rest of the way: a chain that
-  // stops again and again would gain that energy each time.
+  // Moves such trees back to the end of the last substep before that, where their joints hold. They keep
+  // their speeds, turned back with the bodies, less what gravity and forces would have done on the rest of
+  // the way: a chain that stops again and again would gain that energy each time.
   void move_back(const BodyStore&, const Rows&, const Substep&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
@@ -179,10 +180,10 @@ class JointSolver {
     bool is_unfinished, is_touched;
     std::int32_t substep;  // how many have ended
     std::int32_t kept;     // how many count
-    bool is_off;  // its corrections are too fast to become velocities
-    double residual;     // of the last round
-    double time_left_s;  // of the substep
-    double h_s;          // of a part
+    bool is_off;           // its corrections are too fast to become velocities
+    double residual;       // of the last round
+    double time_left_s;    // of the substep
+    double h_s;            // of a part
 
     bool is_selected() const { return role >= Role::kSelected; }
     bool is_open() const { return role == Role::kOpen; }
@@ -244,7 +245,8 @@ class JointSolver {
   void take_back_corrections(IndexRange trees);
   // Removes the speeds across the joints at the present pose.
   void relax_part(IndexRange trees);
-  // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by more.
+  // Trees that are off by no more than `tolerance`, u/s, stay as they are. Returns whether any was off by
+  // more.
   bool solve_trees(Stage, IndexRange trees, double tolerance = -1.0);
   void note_springs(IndexRange trees);
   void add_efforts(IndexRange trees, double sign);
@@ -265,7 +267,8 @@ class JointSolver {
   std::vector<Pose> path_;  // at the ends of the substeps, each with an entry for every body
   std::vector<Block> blocks_;
   std::vector<TreeState> tree_states_;
-  std::vector<std::int32_t> active_joints_before_;  // by tree: joints that move, of earlier ones; one more at the end
+  // By tree, and one more at the end: the number of joints that move in the trees before it.
+  std::vector<std::int32_t> active_joints_before_;
 };
 
 }  // namespace smartsurf::world

@@ -6,8 +6,8 @@
 // error without adding energy; what is left is greatest where one contact bears many links, and the impulses
 // carry over to the next substep.
 //
-// What carries over is a load, which two substeps in a row have borne: a blow that struck once more would set the chain
-// in motion, and the turns are too few to take that back.
+// What carries over is a load, which two substeps in a row have borne: a blow that struck once more would set
+// the chain in motion, and the turns are too few to take that back.
 #pragma once
 
 #include <cstdint>
@@ -30,12 +30,13 @@ class JointedContacts {
   // By row: whether a noted contact touches the body.
   std::span<const char> touched_rows() const { return is_touched_; }
 
-  // Once impulses are repeated in a substep but the first: takes back what the one before the last did not bear.
+  // After a substep has applied the impulses of the last one again: lowers each to that of the substep
+  // before.
   void keep_loads(BatchPoints, const SolverBodies&);
-  // After the last substep: leaves what two have borne to the next step.
+  // After the last substep: the next step starts from the impulses that both last substeps have borne.
   void end_step(BatchPoints);
 
-  // Where the bodies stand at the beginning of the stage.
+  // Measures the separations at the start of the stage.
   void begin_stage(BatchPoints, const SolverBodies&, const SubstepParams& pair_params,
                    const SubstepParams& static_params, bool is_soft);
   // One sweep over the contacts.
@@ -49,7 +50,7 @@ class JointedContacts {
     bool is_pair, is_sphere;
     Vec3 normal, anchor[2];
     Mat3 inverse_inertia[2];
-    float separation = 0.0F;    // at the beginning of the stage
+    float separation = 0.0F;   // at the start of the stage
     float before_last = 0.0F;  // normal impulse of the substep before the last
 
     Vec3 velocity(const BodyVelocity*) const;

@@ -125,11 +125,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     if (b.limit) b.limit->load[lane] += impulse_change;
     force += b.impulse_change, moment_x += b.impulse_change * b.x, moment_y += b.impulse_change * b.y;
   }
-  const auto tx = static_cast<float>(moment_y), ty = static_cast<float>(-moment_x);
-  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
-  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
-  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
-  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+  support::apply_wrench({force, moment_x, moment_y}, m, w);
 }
 
 }  // namespace smartsurf::world

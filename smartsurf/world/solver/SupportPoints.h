@@ -22,6 +22,15 @@ inline Vector3 solve(const Matrix3& a, const Vector3& b) {
   return {b[0] * i0 - l1 * x1 - l2 * x2, x1, x2};
 }
 
+// Applies vertical impulses p at the points (x, y) of a body; wrench: the sums of p, p·x and p·y.
+inline void apply_wrench(const Vector3& wrench, BodyVelocity& m, const InverseInertia& w) {
+  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
+  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
+  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
+  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
+  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+}
+
 inline std::span<const std::int32_t> points_of(const SupportPatches& list, const SupportPatch& p) {
   return std::span(list.points).subspan(p.first_point, p.point_count);
 }

@@ -10,7 +10,7 @@
 namespace smartsurf::world {
 namespace {
 
-using support::Matrix3, support::Vector3;
+using support::apply_wrench, support::Matrix3, support::Vector3;
 
 // The velocity of the face as a + b·x + c·y.
 Vector3 motion_of(const BodyVelocity& m) {
@@ -25,14 +25,6 @@ Matrix3 inertia_of(const BodyVelocity& m, const InverseInertia& w) {
   inertia(1, 1) = xx * inverse_determinant, inertia(2, 2) = yy * inverse_determinant;
   inertia(1, 2) = inertia(2, 1) = xy * inverse_determinant;
   return inertia;
-}
-
-void apply_wrench(const Vector3& wrench, BodyVelocity& m, const InverseInertia& w) {
-  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
-  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
-  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
-  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
-  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
 }
 
 // The load of one cell as max(0, at_rest − per_speed·v), with the velocity v of the face there.

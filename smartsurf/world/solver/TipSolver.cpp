@@ -130,7 +130,8 @@ IndexRange TipSolver::share(const Member& member) const {
   const auto first_island = [&](int index) {
     if (index == member.member_count) return count;
     const long wanted = static_cast<long>(points_.size()) * index / member.member_count;
-    return static_cast<int>(std::ranges::lower_bound(islands_, wanted, {}, &Island::first_point) - islands_.begin());
+    return static_cast<int>(std::ranges::lower_bound(islands_, wanted, {}, &Island::first_point) -
+                            islands_.begin());
   };
   return {first_island(member.index), first_island(member.index + 1)};
 }

@@ -11,8 +11,8 @@
 // load, until the joints reach the boundary of the workspace, which bears any load. (E. Catto, Soft
 // Constraints, GDC 2011.)
 //
-// The contacts of a tip share its velocity and are solved one after another, in the stages of Solver.h; threads
-// share the islands of tips that bodies connect. They are inelastic: what springs back is the tip.
+// The contacts of a tip share its velocity and are solved one after another, in the stages of Solver.h;
+// threads share the islands of tips that bodies connect. They are inelastic: what springs back is the tip.
 #pragma once
 
 #include <span>
@@ -34,8 +34,8 @@ class TipSolver {
 
   // The islands of a member: about an even share of the contacts.
   IndexRange share(const Member&) const;
-  // The stages of a step, for some islands; threads may call them at once for different ones. begin_step() also
-  // applies the impulses of the last substep.
+  // The stages of a step, for some islands; threads may call them at once for different ones. begin_step()
+  // also applies the impulses of the last substep.
   void begin_step(const PointStep&, IndexRange islands);
   void solve(const PointStep&, IndexRange islands);
   void relax(const PointStep&, IndexRange islands);  // call after the rows were moved
@@ -102,11 +102,11 @@ class TipSolver {
 
   std::vector<Point> points_;  // by island, then in the order of the contacts
   std::vector<Tip> tips_;
-  std::vector<Island> islands_{{0, 0}};  // one more at the end
-  std::vector<std::int32_t> tip_order_;  // by island
+  std::vector<Island> islands_{{0, 0}};                                 // one more at the end
+  std::vector<std::int32_t> tip_order_;                                 // by island
   std::vector<std::int32_t> tip_parent_, island_of_tip_, tip_of_body_;  // of find_islands()
-  std::vector<std::int32_t> cells_;        // of tips_
-  std::vector<std::int32_t> tip_of_cell_;  // −1: none; all −1 between steps
+  std::vector<std::int32_t> cells_;                                     // of tips_
+  std::vector<std::int32_t> tip_of_cell_;                               // −1: none; all −1 between steps
   // The tips that were loaded at the end of the last step, and their rates.
   std::vector<std::int32_t> loaded_cells_;
   std::vector<Vec3> loaded_rates_;

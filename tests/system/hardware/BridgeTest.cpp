@@ -277,15 +277,17 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
   Device device({"--pty", line_path("used"), "--size", kSize, "--period-ms", "5"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", used});
   bridge.await_output("controllers attach");
-  std::ofstream(file) << "name = \"a b\"\nperiod_us = 10000\n[[board]]\ndevice = \"/dev/none\"\nat = [0, 0]\n";
+  std::ofstream(file)
+      << "name = \"a b\"\nperiod_us = 10000\n[[board]]\ndevice = \"/dev/none\"\nat = [0, 0]\n";
   const std::string longest(48, 'x');
-  for (const auto& [flags, message] : {
-           std::pair<std::vector<std::string>, std::string>{{"/dev/none", "--shm", "a/b"}, "--shm: name \"a/b\""},
-           {{"/dev/none", "--shm", used}, "--shm: surface \"" + used + "\""},
-           {{"--table", file}, file + ":1: name \"a b\""},
-           {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
-           {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
-           {{"calibrate", file, "-o", line_path("c.toml")}, file + ":1: name \"a b\""}}) {
+  for (const auto& [flags, message] :
+       {std::pair<std::vector<std::string>, std::string>{{"/dev/none", "--shm", "a/b"},
+                                                         "--shm: name \"a/b\""},
+        {{"/dev/none", "--shm", used}, "--shm: surface \"" + used + "\""},
+        {{"--table", file}, file + ":1: name \"a b\""},
+        {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
+        {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
+        {{"calibrate", file, "-o", line_path("c.toml")}, file + ":1: name \"a b\""}}) {
     std::vector<std::string> words{SURFACE_BRIDGE};
     words.insert(words.end(), flags.begin(), flags.end());
     for (const char* word : {"--connect", "1"}) words.push_back(word);

@@ -70,7 +70,9 @@ static int create_in_shm(void) {
   return file;
 }
 static int open_by_openat2(void) {
-  struct { unsigned long long flags, mode, resolve; } how = {O_WRONLY | O_CREAT, 0644, 0};
+  struct {
+    unsigned long long flags, mode, resolve;
+  } how = {O_WRONLY | O_CREAT, 0644, 0};
   int file = (int)syscall(SYS_openat2, AT_FDCWD, in_target("opened2"), &how, sizeof how);
   if (file >= 0) close(file);
   return file;
@@ -150,7 +152,10 @@ static void attack(int report) {
     if (alone != NULL ? strcmp(alone, attacks[i].name) != 0 : attacks[i].alone) continue;
     errno = 0;
     const int result = attacks[i].run();
-    const char* outcome = result >= 0 ? "done" : errno == EACCES || errno == EPERM || errno == ENOSYS || errno == EXDEV ? "refused" : strerror(errno);
+    const char* outcome = result >= 0 ? "done"
+                          : errno == EACCES || errno == EPERM || errno == ENOSYS || errno == EXDEV
+                              ? "refused"
+                              : strerror(errno);
     snprintf(text + strlen(text), sizeof text - strlen(text), "%s=%s ", attacks[i].name, outcome);
   }
   strcat(text, "\n");
@@ -174,7 +179,8 @@ int lua_load(void* state, void* reader, void* data, const char* chunk, const cha
 int64_t H5Fopen(const char* name, unsigned flags, int64_t access) {
   int64_t (*real)(const char*, unsigned, int64_t) = next("H5Fopen");
   struct stat status, nowhere;
-  if (fstat(STDERR_FILENO, &status) != 0 || stat("/dev/null", &nowhere) != 0 || status.st_rdev != nowhere.st_rdev)
+  if (fstat(STDERR_FILENO, &status) != 0 || stat("/dev/null", &nowhere) != 0 ||
+      status.st_rdev != nowhere.st_rdev)
     attack(STDERR_FILENO);
   return real(name, flags, access);
 }

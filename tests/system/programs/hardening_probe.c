@@ -1,5 +1,5 @@
-/* Compiled with the options that harden the programs, for programs.Loading: has a buffer, a copy of unknown length and a call
- * through a pointer. */
+/* Compiled with the options that harden the programs, for programs.Loading: has a buffer, a copy of unknown
+ * length and a call through a pointer. */
 #include <stdio.h>
 #include <string.h>
 

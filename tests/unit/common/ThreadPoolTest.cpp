@@ -143,7 +143,8 @@ namespace {
 constexpr std::int64_t kMillisecond = 1'000'000;
 
 // A caller that works alone until the budget allows to share, in jobs of 1 ms. Returns when, in ms.
-std::int64_t time_until_allowed(LossBudget& budget, std::int64_t now_ns, std::int64_t cpu_ns_of_job = kMillisecond) {
+std::int64_t time_until_allowed(LossBudget& budget, std::int64_t now_ns,
+                                std::int64_t cpu_ns_of_job = kMillisecond) {
   std::int64_t ms = 0;
   for (; ms < 10'000 && !budget.allows(now_ns + ms * kMillisecond); ++ms)
     budget.watch_alone(kMillisecond, cpu_ns_of_job);

@@ -167,7 +167,8 @@ TEST_F(DecompositionCacheTest, TheOldestFilesMakeRoom) {
 TEST_F(DecompositionCacheTest, AFolderThatCannotBeCreatedIsNoError) {
   const TriangleMesh mesh = drawn_mesh(6);
   write(folder / "file", "");
-  EXPECT_EQ(DecompositionCache(folder / "file/none").decompose(mesh, kLimits), decompose_convex(mesh, kLimits));
+  EXPECT_EQ(DecompositionCache(folder / "file/none").decompose(mesh, kLimits),
+            decompose_convex(mesh, kLimits));
 }
 
 TEST_F(DecompositionCacheTest, TheFolderIsCreatedForTheFirstFile) {

@@ -15,7 +15,8 @@
 namespace smartsurf::view {
 namespace {
 
-// Shown scenes are paused: those that run are drawn at a resolution that depends on the time that a frame takes.
+// Shown scenes are paused: those that run are drawn at a resolution that depends on the time that a frame
+// takes.
 class WindowTest : public testing::Test {
  protected:
   void SetUp() override {

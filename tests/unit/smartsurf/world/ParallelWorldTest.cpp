@@ -43,8 +43,9 @@ scene::SceneSpec heap(double width, double depth) {
   return s;
 }
 
-// Triples of a box and two smaller bodies, of which every third hangs from the table, over compliant deltas with
-// limited force, or over an elastic skin: trees of joints of all kinds, and tips that several bodies load at once.
+// Triples of a box and two smaller bodies, of which every third hangs from the table, over compliant deltas
+// with limited force, or over an elastic skin: trees of joints of all kinds, and tips that several bodies
+// load at once.
 scene::SceneSpec linkages(bool on_skin) {
   scene::SceneSpec s;
   s.world.dt_s = 1.0 / 120;
@@ -85,14 +86,15 @@ scene::SceneSpec linkages(bool on_skin) {
       if (i % 8 == 0) first.motor = scene::JointMotor{.speed = 2.0, .max_effort = 5.0};
     }
     s.joints.push_back(first);
-    s.joints.push_back({.kind = scene::JointKind::kBall, .a = 3 * i + 1, .b = 3 * i + 2, .anchor = o.position});
+    s.joints.push_back(
+        {.kind = scene::JointKind::kBall, .a = 3 * i + 1, .b = 3 * i + 2, .anchor = o.position});
     if (i % 3 == 0) s.joints.push_back({.kind = scene::JointKind::kBall, .a = 3 * i, .anchor = at});
   }
   return s;
 }
 
-// Two stacks of plates that lie on each other, struck from above: blows without rebound, which reach hundreds of
-// contacts. The stacks reach across the rows of several threads.
+// Two stacks of plates that lie on each other, struck from above: blows without rebound, which reach hundreds
+// of contacts. The stacks reach across the rows of several threads.
 scene::SceneSpec struck_stacks() {
   scene::SceneSpec s;
   s.world.dt_s = 1.0 / 60;
@@ -105,7 +107,8 @@ scene::SceneSpec struck_stacks() {
     o.shape = scene::ShapeKind::kBox;
     o.size = {1.9, 2.4, 0.6};
     // Each layer lies across the seams of the one below.
-    o.position = {1.0 + 1.92 * x + 0.5 * (layer % 2), 2.5 + 2.5 * y + 0.6 * (layer % 2), 0.301 + 0.602 * layer};
+    o.position = {1.0 + 1.92 * x + 0.5 * (layer % 2), 2.5 + 2.5 * y + 0.6 * (layer % 2),
+                  0.301 + 0.602 * layer};
     s.objects.push_back(o);
   }
   for (int i = 0; i < 8; ++i) {
@@ -153,8 +156,8 @@ scene::SceneSpec loaded_boxes() {
   return s;
 }
 
-// A floor of boxes side by side, over whose seams boxes and balls slide, and small boxes that are faster than they are
-// wide fly into both: bodies that change each other's contacts, and stops at others.
+// A floor of boxes side by side, over whose seams boxes and balls slide, and small boxes that are faster than
+// they are wide fly into both: bodies that change each other's contacts, and stops at others.
 scene::SceneSpec sliders_and_bullets() {
   scene::SceneSpec s;
   s.world.dt_s = 1.0 / 120;
@@ -222,7 +225,8 @@ constexpr int kThreads[] = {2, 3, 4, 8};
 TEST_P(Threads, SameStateHashForAnyThreadCount) {
   const scene::SceneSpec scene = GetParam().scene();
   ASSERT_EQ(scene::validate(scene.surface), "");
-  ASSERT_GE(scene.objects.size(), 512U + 20U);  // smaller worlds stay on one thread, and some objects are removed
+  ASSERT_GE(scene.objects.size(),
+            512U + 20U);  // smaller worlds stay on one thread, and some objects are removed
   const int steps = GetParam().steps;
   const std::uint64_t alone = hash_after(scene, steps, 1);
   RecordProperty("state_hash", std::to_string(alone));
@@ -235,6 +239,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Threads,
                                          World{"LinkagesOnDeltas", [] { return linkages(false); }, 6},
                                          World{"LinkagesOnASkin", [] { return linkages(true); }, 3},
                                          World{"LoadedBoxes", loaded_boxes, 20},
-                                         World{"StruckStacks", struck_stacks, 3}, World{"Conveyors", conveyors, 8},
+                                         World{"StruckStacks", struck_stacks, 3},
+                                         World{"Conveyors", conveyors, 8},
                                          World{"SlidersAndBullets", sliders_and_bullets, 4}),
                          [](const auto& world) { return std::string(world.param.name); });

@@ -1,0 +1,18 @@
+// Numbers in texts of users and files.
+#pragma once
+
+#include <charconv>
+#include <string_view>
+
+namespace common {
+
+// Returns whether the whole text is a number of that type, without blanks and without a plus sign; if not,
+// `value` is unspecified.
+template <class Number>
+bool parse_number(std::string_view text, Number& value) {
+  const char* const end = text.data() + text.size();
+  const auto [rest, error] = std::from_chars(text.data(), end, value);
+  return error == std::errc{} && rest == end;
+}
+
+}  // namespace common
