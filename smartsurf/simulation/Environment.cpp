@@ -6,6 +6,7 @@
 #include <cstring>
 #include <iterator>
 
+#include "common/memory/Prefetch.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/EpisodeRandom.h"
@@ -49,8 +50,8 @@ class Prefetch {
       : rest_(memory), part_bytes_(memory.size() / parts / kLineBytes * kLineBytes + kLineBytes) {}
   void fetch_part() {
     const auto part = rest_.first(std::min(part_bytes_, rest_.size()));
-    rest_ = rest_.subspan(part.size());  // GCC 12 drops calls of a function that does nothing but prefetch
-    for (std::size_t at = 0; at < part.size(); at += kLineBytes) __builtin_prefetch(part.data() + at);
+    rest_ = rest_.subspan(part.size());
+    for (std::size_t at = 0; at < part.size(); at += kLineBytes) common::prefetch(part.data() + at);
   }
 
  private:

@@ -11,6 +11,7 @@ import sys
 MODULES = {
     "common/error": set(),
     "common/index": set(),
+    "common/memory": set(),
     "common/controller": set(),
     "common/color": {"common/error"},
     "common/chart": {"common/color", "common/index"},

@@ -1,7 +1,5 @@
 #include "smartsurf/surface/raycast/RayCaster.h"
 
-#include <hwy/cache_control.h>
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include <functional>
 #include <limits>
 
+#include "common/memory/Prefetch.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/raycast/SlabClip.h"
 
@@ -205,8 +204,8 @@ void RayCaster::clear_rows(int begin, int end, int band_end) noexcept {
     if (r + kPrefetchRows < band_end) {
       const std::size_t prefetch_row = row + kPrefetchRows * columns;
       for_each_dirty_block(r + kPrefetchRows, [this, prefetch_row](std::size_t b) {
-        hwy::Prefetch(&distance_[prefetch_row + b * kBlock]);
-        hwy::Prefetch(tag_data() + prefetch_row + b * kBlock);
+        common::prefetch(&distance_[prefetch_row + b * kBlock]);
+        common::prefetch(tag_data() + prefetch_row + b * kBlock);
       });
     }
     std::uint8_t* const dirty = dirty_blocks_.data() + r * blocks_;

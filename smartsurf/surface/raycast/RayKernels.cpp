@@ -6,10 +6,10 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/surface/raycast/RayKernels.cpp"
-#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "common/memory/Prefetch.h"
 #include "smartsurf/surface/raycast/RayBounds.h"
 #include "smartsurf/surface/raycast/RayCast-inl.h"
 #include "smartsurf/surface/raycast/VerticalFacets-inl.h"
@@ -245,9 +245,9 @@ void prefetch_cells_under(const RayCastJob& job, const RayBody& b, int begin, in
     // One cache line per block.
     for (int column = west; column / kBlock <= east / kBlock; column += kBlock) {
       const std::ptrdiff_t at = row + std::min(column, job.columns - 1);
-      hwy::Prefetch(job.distance + at);
-      hwy::Prefetch(job.tag + at);
-      if (job.height != nullptr) hwy::Prefetch(job.height + at);
+      common::prefetch(job.distance + at);
+      common::prefetch(job.tag + at);
+      if (job.height != nullptr) common::prefetch(job.height + at);
     }
   }
 }

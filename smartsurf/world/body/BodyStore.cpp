@@ -1,7 +1,5 @@
 #include "smartsurf/world/body/BodyStore.h"
 
-#include <hwy/cache_control.h>
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -9,6 +7,7 @@
 #include <iterator>
 #include <utility>
 
+#include "common/memory/Prefetch.h"
 #include "smartsurf/world/body/RotationKernels.h"
 
 namespace smartsurf::world {
@@ -170,25 +169,25 @@ Quat rotation_from_vector(const Vec3& rotation_vector) {
 }
 
 void BodyStore::prefetch(std::size_t i) const {
-  hwy::Prefetch(&body_velocity[i]);
-  hwy::Prefetch(&delta_pose[i]);
-  hwy::Prefetch(&surface_material[i]);
-  hwy::Prefetch(&position[i]);
-  hwy::Prefetch(&orientation[i]);
-  hwy::Prefetch(&wrench[i]);
-  hwy::Prefetch(&sleep_timer_s[i]);
+  common::prefetch(&body_velocity[i]);
+  common::prefetch(&delta_pose[i]);
+  common::prefetch(&surface_material[i]);
+  common::prefetch(&position[i]);
+  common::prefetch(&orientation[i]);
+  common::prefetch(&wrench[i]);
+  common::prefetch(&sleep_timer_s[i]);
 }
 
 void BodyStore::prefetch_rotation(std::size_t i) const {
   if (is_sphere[i]) return;
   // Unaligned: each array may span two cache lines.
-  hwy::Prefetch(axes[i].data());
-  hwy::Prefetch(axes[i].data() + 8);
-  hwy::Prefetch(inertia[i].least_axis);
-  hwy::Prefetch(inertia[i].moments + 2);
-  hwy::Prefetch(rotation_state[i].orientation);
-  hwy::Prefetch(rotation_state[i].angular_velocity + 2);
-  hwy::Prefetch(&world_inverse_inertia[i]);
+  common::prefetch(axes[i].data());
+  common::prefetch(axes[i].data() + 8);
+  common::prefetch(inertia[i].least_axis);
+  common::prefetch(inertia[i].moments + 2);
+  common::prefetch(rotation_state[i].orientation);
+  common::prefetch(rotation_state[i].angular_velocity + 2);
+  common::prefetch(&world_inverse_inertia[i]);
 }
 
 void BodyStore::integrate_pose(std::size_t i) {

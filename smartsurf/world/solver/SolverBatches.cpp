@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstring>
 
+#include "common/memory/Prefetch.h"
 #include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/Solver.h"
 
@@ -67,7 +68,7 @@ void Solver::prefetch_contacts(StepContext& context, ContactKind kind, int index
     if (manifold >= std::ssize(list.manifolds)) return;  // a batch of another kind
     const Manifold& m = list.manifolds[manifold];
     const auto* const begin = reinterpret_cast<const char*>(list.contacts.data() + m.first);
-    for (std::size_t at = 0; at < m.count * sizeof(Contact); at += kLine) __builtin_prefetch(begin + at, 1);
+    for (std::size_t at = 0; at < m.count * sizeof(Contact); at += kLine) common::prefetch(begin + at);
   }
 }
 
