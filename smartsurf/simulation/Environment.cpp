@@ -17,7 +17,7 @@ namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '5'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '6'};
   std::uint64_t fingerprint = 0, seed = 0;
   std::uint64_t hash = 0;  // of all that follows
 };
