@@ -29,7 +29,7 @@ struct RenderQuality {
   // A window on a software renderer.
   static RenderQuality fast() { return {1, 1024, RenderPass::kColourFast, 2}; }
   // Many small images on a software renderer, each a function of its snapshot alone.
-  static RenderQuality preview() { return {1, 1024, RenderPass::kColourFast}; }
+  static RenderQuality preview() { return {1, 768, RenderPass::kColourFast}; }
   // The same with smooth edges.
   static RenderQuality smooth() { return {2, 768, RenderPass::kColourFast}; }
   // A window on a GPU.
