@@ -7,7 +7,6 @@
 #include <functional>
 #include <limits>
 
-#include "common/memory/Prefetch.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/raycast/SlabClip.h"
 
@@ -127,8 +126,8 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
   const auto cast_bands = [this, &params](int begin, int end) {
     const int first_row = band_first_row_[begin];
     const int end_row = band_first_row_[end];
-    const auto prepare = [this, &params, end_row](int first, int last) {
-      clear_rows(first, last, end_row);
+    const auto prepare = [this, &params](int first, int last) {
+      clear_rows(first, last);
       cast_rows_to_pins(params, first, last);
     };
     cast_rows(params.job, first_row, end_row, std::cref(prepare));
@@ -197,17 +196,9 @@ void RayCaster::for_each_dirty_block(int row, Use visit) noexcept {
   }
 }
 
-void RayCaster::clear_rows(int begin, int end, int band_end) noexcept {
-  constexpr int kPrefetchRows = 2;  // covers about one memory latency
+void RayCaster::clear_rows(int begin, int end) noexcept {
   for (int r = begin; r < end; ++r) {
     const std::size_t columns = columns_, row = r * columns;
-    if (r + kPrefetchRows < band_end) {
-      const std::size_t prefetch_row = row + kPrefetchRows * columns;
-      for_each_dirty_block(r + kPrefetchRows, [this, prefetch_row](std::size_t b) {
-        common::prefetch(&distance_[prefetch_row + b * kBlock]);
-        common::prefetch(tag_data() + prefetch_row + b * kBlock);
-      });
-    }
     std::uint8_t* const dirty = dirty_blocks_.data() + r * blocks_;
     for_each_dirty_block(r, [this, row, columns, dirty](std::size_t b) {
       if ((dirty[b] & 1) != 0) {

@@ -76,7 +76,7 @@ class RayCaster {
   void update_row_height_bounds(const float* height, int begin, int end) noexcept;
   template <class Use>
   void for_each_dirty_block(int row, Use visit) noexcept;
-  void clear_rows(int begin, int end, int band_end) noexcept;
+  void clear_rows(int begin, int end) noexcept;
   void cast_rows_to_pins(const CastParams&, int begin, int end) noexcept;
 
   void build_strips(const Field&);

@@ -9,7 +9,6 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "common/memory/Prefetch.h"
 #include "smartsurf/surface/raycast/RayBounds.h"
 #include "smartsurf/surface/raycast/RayCast-inl.h"
 #include "smartsurf/surface/raycast/VerticalFacets-inl.h"
@@ -230,34 +229,8 @@ void cast_strips(const RayCastJob& job, const RayBody& b, float tag, int begin, 
   }
 }
 
-// Prefetches the cells that vertical rays to the body will access, within the thread's own rows only: other
-// threads write to the rest.
-void prefetch_cells_under(const RayCastJob& job, const RayBody& b, int begin, int end) {
-  const auto row_of = [&](float y) { return static_cast<float>(job.rows - 1) - y / job.pitch; };
-  const int r0 = std::max(begin, first_index_from(row_of(b.centre.y() + b.aabb_half_y), job.rows));
-  const int r1 = std::min(end, end_index_at(row_of(b.centre.y() - b.aabb_half_y), job.rows));
-  const auto column_of = [&](float x) {
-    return std::min(first_index_from(x / job.pitch, job.columns), job.columns - 1);
-  };
-  const int west = column_of(b.centre.x() - b.aabb_half_x), east = column_of(b.centre.x() + b.aabb_half_x);
-  for (int r = r0; r < r1; ++r) {
-    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
-    // One cache line per block.
-    for (int column = west; column / kBlock <= east / kBlock; column += kBlock) {
-      const std::ptrdiff_t at = row + std::min(column, job.columns - 1);
-      common::prefetch(job.distance + at);
-      common::prefetch(job.tag + at);
-      if (job.height != nullptr) common::prefetch(job.height + at);
-    }
-  }
-}
-
 void cast_rows_for_target(const RayCastJob& job, int begin, int end, const PrepareRows& prepare) {
-  constexpr std::size_t kPrefetchBodies = 6;  // covers about one memory latency
-  // Heights, distances and tags of this many cells stay in a core's private cache.
-  constexpr int kCacheResidentCells = 1 << 17;
   const bool vertical = job.direction.x() == 0.0F && job.direction.y() == 0.0F && job.strips == nullptr;
-  const bool prefetch = vertical && job.rows * job.columns > kCacheResidentCells;
   const ScalarRange y_range = y_range_of_rows(job, begin, end);
   RowPreparer preparer{begin, prepare};
   for (std::size_t cluster = 0; cluster < job.clusters.size(); ++cluster) {
@@ -267,8 +240,6 @@ void cast_rows_for_target(const RayCastJob& job, int begin, int end, const Prepa
     for (std::size_t k = cluster * RayBodies::kClusterSize; k < last; ++k) {
       const RayBody& body = job.bodies[k];
       if (body.is_invalid()) continue;
-      if (prefetch && k + kPrefetchBodies < job.bodies.size())
-        prefetch_cells_under(job, job.bodies[k + kPrefetchBodies], begin, end);
       if (job.strips != nullptr)
         cast_strips(job, body, job.tags[k], begin, end);
       else
