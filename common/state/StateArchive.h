@@ -95,7 +95,7 @@ class StateArchive {
   template <class T>
   void process(std::vector<T>& v) {
     resize(v);
-    if constexpr (is_flat<T> && is_number<T>)
+    if constexpr (is_number<T>)
       bytes(static_cast<void*>(v.data()), v.size() * sizeof(T));
     else
       for (T& element : v) process(element);

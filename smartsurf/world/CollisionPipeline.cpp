@@ -172,7 +172,7 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
 }
 
 void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
-  // How many slabs there were in earlier steps does not count.
+  // The last slabs may be empty, of an earlier step that had more: they are not state.
   const auto last = std::ranges::find_if(slab_results_ | std::views::reverse, [](const SlabResults& results) {
     return !results.cached_pairs.manifolds.empty() || !results.cached_field.manifolds.empty();
   });

@@ -86,7 +86,7 @@ def png(frames: Sequence[Pixels], period: float = 0.0) -> bytes:
 
 
 def _shape(frames: Sequence[Pixels]) -> tuple[int, int, int]:
-    """That of all frames."""
+    """The shape of all frames; ValueError if they differ."""
     height, width, colours = np.shape(frames[0])
     for i, frame in enumerate(frames):
         if np.shape(frame) != (height, width, colours):

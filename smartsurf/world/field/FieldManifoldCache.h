@@ -42,6 +42,7 @@ class FieldManifoldCache {
     std::vector<CachedPoint> points;
     std::vector<float> heights;
     void archive(common::StateArchive& a) {
+      // Pointers are not state: they are null in the bytes and after restoring.
       const auto clear_index = [this] {
         for (CachedManifold& m : manifolds) m.points = nullptr, m.heights = nullptr;
       };

@@ -49,6 +49,7 @@ class PairManifoldCache {
     std::span<const CachedManifold> previous;
     std::size_t expected = 0;
     void archive(common::StateArchive& a) {
+      // Pointers are not state: they are null in the bytes and after restoring.
       const auto clear_index = [this] {
         for (CachedManifold& m : manifolds) m.points = nullptr, m.simplex_cache = nullptr, m.next = nullptr;
       };
