@@ -188,23 +188,23 @@ export function makeMechanisms(scene, series, world, placeOf) {
     if (set) works.push({ cells, set });
   });
 
-  // A sheet over the cells, whose vertices are its nodes.
-  const sheet = scene.skin && series.skin ? addKind(scene.skin.mesh, 1) : null;
-  if (sheet) {
-    sheet.place(0, matrix.identity());
-    sheet.paint(0, c.sheet, c.rubber);
+  // A skin over the cells, whose vertices are its nodes.
+  const skin = scene.skin && series.skin ? addKind(scene.skin.mesh, 1) : null;
+  if (skin) {
+    skin.place(0, matrix.identity());
+    skin.paint(0, c.skin, c.rubber);
   }
-  function bendSheet(frame) {
-    const at = sheet.geometry.attributes.position;
+  function bendSkin(frame) {
+    const at = skin.geometry.attributes.position;
     for (let i = 0; i < at.count; ++i) at.setZ(i, series.skin.value(frame, i));
     at.needsUpdate = true;
-    sheet.geometry.computeVertexNormals();
+    skin.geometry.computeVertexNormals();
   }
-  // How far below its height each cell is drawn under a sheet: the sheet bends off the edges of the tops, which lie at its
+  // How far below its height each cell is drawn under a skin: it bends off the edges of the tops, which lie at its
   // height, and they would show through it.
   const drop = new Float32Array(recess.length);
-  const covered = sheet ? coveredCells(scene.skin) : [];
-  // Lists, for each cell under the sheet, the nodes over its top and the next ones outside it.
+  const covered = skin ? coveredCells(scene.skin) : [];
+  // Lists, for each cell under the skin, the nodes over its top and the next ones outside it.
   function coveredCells({ columns, rowNodes, columnNodes }) {
     const cells = [];
     for (let cell = 0; cell < drop.length; ++cell) {
@@ -218,7 +218,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
     }
     return cells;
   }
-  function dropUnderSheet(frame) {
+  function dropUnderSkin(frame) {
     for (const { cell, nodes } of covered) {
       const height = series.height ? series.height.value(frame, cell) : scene.low;
       const lowest = nodes.reduce((least, node) => Math.min(least, series.skin.value(frame, node)), height);
@@ -246,9 +246,9 @@ export function makeMechanisms(scene, series, world, placeOf) {
     recess,
     set(frame) {
       recess.fill(0);
-      if (sheet) {
-        bendSheet(frame);
-        dropUnderSheet(frame);
+      if (skin) {
+        bendSkin(frame);
+        dropUnderSkin(frame);
       }
       for (const { cells, set } of works)
         cells.forEach((cell, i) => {

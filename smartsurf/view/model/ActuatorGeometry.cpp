@@ -34,7 +34,7 @@ constexpr Rgb kTyre{0.20F, 0.21F, 0.23F}, kCopper{0.62F, 0.42F, 0.26F}, kIron{0.
 constexpr Rgb kRed{0.86F, 0.10F, 0.12F}, kBlue{0.10F, 0.28F, 0.88F}, kAir{0.45F, 0.78F, 0.95F};
 constexpr Rgb kWeakForce{0.98F, 0.80F, 0.45F}, kStrongForce{0.85F, 0.22F, 0.05F};
 constexpr Rgb kRubber{0.70F, 0.72F, 0.74F}, kIdle{0.42F, 0.46F, 0.52F}, kVibrating{0.98F, 0.72F, 0.12F};
-constexpr Rgb kSheet{0.52F, 0.60F, 0.66F};
+constexpr Rgb kSkin{0.52F, 0.60F, 0.66F};
 constexpr NamedColour kColours[] = {{"ivory", kIvory},
                                     {"ink", kInk},
                                     {"orange", kOrange},
@@ -49,7 +49,7 @@ constexpr NamedColour kColours[] = {{"ivory", kIvory},
                                     {"rubber", kRubber},
                                     {"idle", kIdle},
                                     {"vibrating", kVibrating},
-                                    {"sheet", kSheet}};
+                                    {"skin", kSkin}};
 
 std::array<float, 3> to_float3(const Vec& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -196,7 +196,7 @@ void ActuatorGeometry::add_skin() {
   drop_.assign(recess_.size(), 0.0F);
 }
 
-// Lowers the drawn tops slightly, so that they do not show through the sheet where it bends off their edges.
+// Lowers the drawn tops slightly, so that they do not show through the skin where it bends off their edges.
 void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
   const scene::SkinSpec& skin = *surface_.skin;
   if (snapshot.skin_height.size() != static_cast<std::size_t>(skin.rows * skin.columns)) return;
@@ -221,7 +221,7 @@ void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
   std::vector<float>& vertices = added.mesh.vertices;
   if (snapshot.skin_height.size() * 7 != vertices.size()) return;
   added.instances.push_back(
-      make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSheet), to_linear_rgba8(kRubber)));
+      make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSkin), to_linear_rgba8(kRubber)));
   const auto vertex = [&](int r, int c) {
     return 7 * static_cast<std::size_t>(std::clamp(r, 0, skin.rows - 1) * skin.columns +
                                         std::clamp(c, 0, skin.columns - 1));

@@ -1,5 +1,5 @@
 // A contact of a body with something that gives way, solved by itself: the body's side, which the solvers of
-// yielding tips (TipSolver.h) and of elastic sheets (SkinSolver.h) share.
+// yielding tips (TipSolver.h) and of elastic skins (SkinSolver.h) share.
 #pragma once
 
 #include "smartsurf/world/body/BodyStore.h"
