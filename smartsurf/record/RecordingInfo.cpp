@@ -123,11 +123,14 @@ std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
   return all;
 }
 
+// Seconds as `smartsurf run` prints them.
+double rounded(double time_s) { return std::round(100.0 * time_s) / 100.0; }
+
 std::string frames_text(const Recording& recording) {
   const std::size_t n = recording.frames();
   if (n == 0) return "0";
   return concat(n, ", ticks ", recording.ticks().front(), " to ", recording.ticks().back(), ", ",
-                recording.times().front(), " s to ", recording.times().back(), " s, every ",
+                rounded(recording.times().front()), " s to ", rounded(recording.times().back()), " s, every ",
                 recording.spec().record.tick_interval == 1
                     ? "tick"
                     : concat(recording.spec().record.tick_interval, " ticks"));
@@ -143,7 +146,8 @@ std::string sensors_text(const Recording& recording) {
 std::string outcome_text(const Recording& recording) {
   const std::optional<RunResult>& result = recording.result();
   if (!result) return "none recorded: the run was killed or is still running";
-  return concat(result->outcome, " after ", result->ticks, " ticks, ", result->simulated_s, " s simulated");
+  return concat(result->outcome, " after ", result->ticks, " ticks, ", rounded(result->simulated_s),
+                " s simulated");
 }
 
 std::string state_text(const Recording& recording) {

@@ -375,7 +375,7 @@ int add_part_mesh(GltfFile& file, const view::InstancedMesh& part, const view::M
 }
 
 // The axes of an instance as a rotation and the lengths of the axes, the first one mirrored where they are
-// left-handed.
+// left-handed. A part without a size keeps its last rotation.
 void add_pose(const view::MeshInstance* instance, ObjectTracks& tracks) {
   if (!instance) {
     tracks.add(tracks.position.values.back(), tracks.orientation.values.back(), false);
@@ -391,13 +391,17 @@ void add_pose(const view::MeshInstance* instance, ObjectTracks& tracks) {
   const Eigen::Matrix3f rotation =
       is_flat ? Eigen::Matrix3f::Identity() : Eigen::Matrix3f(axes * lengths.cwiseInverse().asDiagonal());
   const Eigen::Quaternionf q(rotation);
-  tracks.add(instance->centre, {q.x(), q.y(), q.z(), q.w()}, true);
+  const bool is_kept = is_flat && !tracks.orientation.values.empty();
+  tracks.add(instance->centre,
+             is_kept ? tracks.orientation.values.back() : std::array<float, 4>{q.x(), q.y(), q.z(), q.w()},
+             true);
   tracks.scale.values.back() = {lengths.x(), lengths.y(), lengths.z()};
 }
 
 void add_table(GltfFile& file, const Recording& recording, const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& s = recording.spec().surface;
   view::ActuatorGeometry geometry(s);
+  geometry.keep_hidden_parts();
   std::vector<std::vector<float>> heights;
   std::vector<std::vector<ObjectTracks>> tracks;  // of each mesh, each instance
   std::vector<std::vector<int>> meshes;

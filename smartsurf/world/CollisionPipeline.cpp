@@ -4,7 +4,6 @@
 #include <cstring>
 #include <limits>
 #include <numeric>
-#include <ranges>
 #include <span>
 
 namespace smartsurf::world {
@@ -173,9 +172,10 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
 
 void CollisionPipeline::archive(common::StateArchive& a, int bodies) {
   // The last slabs may be empty, of an earlier step that had more: they are not state.
-  const auto last = std::ranges::find_if(slab_results_ | std::views::reverse, [](const SlabResults& results) {
-    return !results.cached_pairs.manifolds.empty() || !results.cached_field.manifolds.empty();
-  });
+  const auto last =
+      std::find_if(slab_results_.rbegin(), slab_results_.rend(), [](const SlabResults& results) {
+        return !results.cached_pairs.manifolds.empty() || !results.cached_field.manifolds.empty();
+      });
   const auto slabs = a.value(static_cast<std::uint64_t>(last.base() - slab_results_.begin()));
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {

@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float32]
+
+
+def _times(shape: Sequence[Any]) -> str:
+    return " x ".join(str(n) for n in shape)
 
 
 class OnnxPolicy:
@@ -35,6 +39,7 @@ class OnnxPolicy:
             self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's classes have no common one of their own
             raise ValueError(f"{path}: {str(error).splitlines()[0]}") from error
+        self._path = path
         self._inputs = [i.name for i in self._session.get_inputs()]
         self._outputs = [o.name for o in self._session.get_outputs()]
         planes = {name if count == 1 else f"{name}.{'rgb'[k]}" for name, count in sensors.items() for k in range(min(count, 3))}
@@ -65,8 +70,19 @@ class OnnxPolicy:
             return sensors[channel]["rgb".index(component)] if component else sensors[channel]
         feed = {name: np.ascontiguousarray(value(name), np.float32)[None] for name in self._inputs}
         commands: dict[str, FloatArray] = {}
-        results: list[Any] = self._session.run(None, feed)
+        for given in self._session.get_inputs():
+            here = feed[given.name].shape
+            if len(given.shape) != len(here) or any(isinstance(of, int) and of != n for of, n in zip(given.shape, here)):
+                raise ValueError(f"{self._path}: its input '{given.name}' is {_times(given.shape[1:])}, "
+                                 f"that of this surface {_times(here[1:])}")
+        try:
+            results: list[Any] = self._session.run(None, feed)
+        except Exception as error:  # onnxruntime's classes have no common one of their own
+            raise ValueError(f"{self._path}: {str(error).splitlines()[0]}") from error
         for name, result in zip(self._outputs, results):
+            wanted = (1, len(self._actuators), *shape) if name == "action" else (1, *shape)
+            if result.shape != wanted:
+                raise ValueError(f"{self._path}: its output '{name}' is {_times(result.shape[1:])}, not {_times(wanted[1:])}")
             if name == "action":
                 commands.update(zip(self._actuators, result[0]))
             elif name.startswith("NEXT_"):

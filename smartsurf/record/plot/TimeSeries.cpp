@@ -234,6 +234,11 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     if (kind == definition.name) return definition.make(recording, kind, arguments);
     known.emplace_back(definition.name);
   }
+  const std::vector<std::string> registers = recording.channel_names("registers");
+  if (kind == "apron" && !arguments.empty() &&
+      std::ranges::find(registers, arguments.front()) != registers.end())  // as --cells has it
+    return channel_series(recording, "registers", arguments.front(),
+                          {arguments.begin() + 1, arguments.end()});
   for (const char* group : {"sensors", "actuators", "registers"})
     for (const std::string& name : recording.channel_names(group)) {
       if (kind == name) return channel_series(recording, group, name, arguments);

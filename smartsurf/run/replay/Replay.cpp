@@ -35,8 +35,8 @@ void require_poses(const record::Recording& recording) {
 void require_times(const record::Recording& recording, const std::vector<Screenshot>& screenshots) {
   for (const Screenshot& screenshot : screenshots)
     if (screenshot.time_s && *screenshot.time_s > recording.times().back() + 1e-9)
-      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {} s", screenshot.file,
-                                          *screenshot.time_s, recording.times().back()));
+      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {:.2f} s",
+                                          screenshot.file, *screenshot.time_s, recording.times().back()));
 }
 
 void require_cell_channel(const record::Recording& recording, const RecordedFrames& frames,

@@ -59,6 +59,9 @@ class ActuatorGeometry {
 
   explicit ActuatorGeometry(const scene::SurfaceSpec&);
 
+  // Arrows and plumes that are too weak to be drawn get an instance of no size, so that the n-th instance of
+  // a mesh is always the same part.
+  void keep_hidden_parts() { keeps_hidden_parts_ = true; }
   // Rebuilds the instances. Without an actuator state in the snapshot, all parts are at rest.
   void update(const scene::Snapshot&);
   std::span<const InstancedMesh> meshes() const { return meshes_; }
@@ -102,6 +105,7 @@ class ActuatorGeometry {
   scene::SurfaceSpec surface_;
   float top_edge_;  // the shorter edge of a cell's top, u
   int segments_;    // of round parts; fewer on large surfaces
+  bool keeps_hidden_parts_ = false;
   std::vector<InstancedMesh> meshes_;
   std::vector<std::size_t> first_mesh_;       // by actuator, and the number of their meshes
   std::vector<std::size_t> cells_;            // cells with parts

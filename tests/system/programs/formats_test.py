@@ -173,6 +173,50 @@ class Formats(FormatTest):
             """)
 
     @needs("mcap")
+    def test_mcap_has_meshes_of_moving_parts_once(self):
+        """Wheels turn in every frame; force shows by the scale of arrows."""
+        scene = """
+            record {{ sensors = true }}
+            surface {{ rows = 5, columns = 6, actuator = {actuator}, sensors = {{ colour {{}} }} }}
+            on_tick(function(t) for c = 1, 6 do cells:target('{channel}', 2, c, {value}) end end)
+            """
+        for actuator, channel, value in (("wheels { top = 0.8, max_spin = 20 }", "spin_a", "9"), ("force_field {}", "fx", "2 + 6 * t")):
+            self.record(textwrap.dedent(scene).format(actuator=actuator, channel=channel, value=value))
+            self.export(".mcap")
+            frames, messages, turned, sizes, images = self.read("""
+                import json
+                from mcap.reader import make_reader
+                from mcap_ros2.decoder import DecoderFactory
+                messages, turned, sizes, images, times = [], {}, {}, 0, set()
+                with open('run.mcap', 'rb') as file:
+                    for schema, channel, message, content in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+                        times.add(message.log_time)
+                        if channel.topic == '/cells':
+                            messages.append(len(content.markers))
+                            for marker in content.markers:
+                                assert marker.points and marker.frame_locked and not marker.text and not marker.colors
+                                sizes.setdefault(f'{marker.ns}/{marker.id}', []).append(marker.scale.x * marker.scale.z)
+                        elif channel.topic == '/tf':
+                            for one in content.transforms:
+                                q = one.transform.rotation
+                                turned.setdefault(one.child_frame_id, set()).add((q.x, q.y, q.z, q.w))
+                        elif schema.name == 'sensor_msgs/msg/Image':
+                            images += 1
+                            assert len(content.data) == content.height * content.step and content.encoding == '32FC3', content.encoding
+                print(json.dumps([len(times), messages, {n: len(q) for n, q in turned.items()}, sizes, images]))
+                """)
+            self.assertEqual((frames, images), (61, 61))
+            if channel == "spin_a":
+                self.assertEqual(len(messages), 1, "meshes are repeated")
+                self.assertEqual(sum(n > 50 for n in turned.values()), 6, turned)  # of the row that is driven
+            else:
+                flowing = [track for track in sizes.values() if len(track) > 10]
+                self.assertEqual(len(flowing), 6, {n: len(s) for n, s in sizes.items()})
+                for track in flowing:
+                    self.assertEqual(track, sorted(track))
+                self.assertLess(sum(messages), messages[0] + 6 * frames + 1, "markers that do not change are repeated")
+
+    @needs("mcap")
     def test_mistakes_are_one_line(self):
         self.record("surface { rows = 4, columns = 4, actuator = pin {} }")
         self.write("broken.h5", "no recording")

@@ -135,6 +135,18 @@ class Gltf(ProgramTest):
                 status, out, err = self.run_program(ASSIMP, "info", "run.glb")
                 self.assertEqual(status, 0, out + err)
 
+    def test_arrows_and_plumes_that_are_weak_at_first_are_exported(self):
+        for actuator, channel, most in (("force_field {}", "fx", 10), ("air_jet {}", "flow", 100)):
+            model, run = self.export(f"""
+                surface {{ rows = 4, columns = 5, actuator = {actuator} }}
+                on_tick(function(t) cells:target('{channel}', 2, t < 0.5 and 3 or 4, {most} * math.min(1, 2 * t)) end)
+                """, 1, options=["--fps", "60"])
+            times = run["time"] - run["time"][0]
+            sizes = {tuple(node["translation"][:2]): np.abs(model.track(index, "scale", times)).max(1)
+                     for index, node in enumerate(model.json["nodes"]) if node["name"].startswith("part ")}
+            shown = {place for place, size in sizes.items() if place[1] == 2 and size[0] < 0.5 < 0.05 + size.max() - size.min() + 0.4}
+            self.assertTrue({(2, 2), (3, 2)} <= {(round(x), round(y)) for x, y in shown}, f"{actuator}: {sizes}")
+
     def test_wrong_name_is_refused(self):
         self.write("scene.lua", "surface { rows = 4, columns = 4, actuator = pin {} }")
         self.run_program(SMARTSURF, "run", "scene.lua", "--no-controller", "--until", "0.1", "--record", "run.h5")

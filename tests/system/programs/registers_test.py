@@ -56,6 +56,28 @@ class Registers(ProgramTest):
                 if every == 1:
                     numpy.testing.assert_array_equal(registers["SEEN"][1:], file["sensors/proximity"][:-1])
 
+    def test_plots_take_the_names_of_cells(self):
+        recording, _ = self.run_drawn(random.Random(5), "all")
+        plots = []
+        for kind in ("H:2,3:1,1", "apron:H:2,3:1,1"):
+            status, _, err = self.run_program(SMARTSURF, "plot", str(recording), "--what", kind, "-o", "h.svg")
+            self.assertEqual(status, 0, err)
+            plots.append((self.folder / "h.svg").read_bytes())
+        self.assertEqual(*plots)
+        for kind in ("apron:HH:2,3", "apron", "apron:H", "apron:H:99,0"):
+            status, _, err = self.run_program(SMARTSURF, "plot", str(recording), "--what", kind, "-o", "h.svg")
+            self.assertEqual((status, len(err.splitlines())), (2, 1), err)
+
+    def test_seconds_are_those_of_the_run(self):
+        scene = self.write("scene.lua", SCENE.format(rows=5, columns=5, every=1, x=2, y=2))
+        _, _, said = self.run_program(SMARTSURF, "run", scene, "--no-controller", "--ticks", "7", "--record", "short.h5")
+        _, told, _ = self.run_program(SMARTSURF, "info", "short.h5")
+        _, _, refused = self.run_program(SMARTSURF, "replay", "short.h5", "--screenshot", "x.png@1")
+        self.assertIn("0.12 s simulated", said)
+        self.assertIn("7 ticks, 0.12 s simulated", told)
+        self.assertIn("0 s to 0.12 s", told)
+        self.assertIn("the recording ends at 0.12 s", refused)
+
     def test_mistakes_are_one_line(self):
         scene = self.write("scene.lua", SCENE.format(rows=5, columns=5, every=1, x=2, y=2))
         program = self.write("program.aps", PROGRAM.format(a=1, b=1, c=1))

@@ -47,6 +47,25 @@ class Onnx(ExperimentTest):
                         np.testing.assert_array_equal(output.view(np.int32), command.view(np.int32), f"{case}, {channel}")
                     kept = outputs[len(actions):]
 
+    def test_a_model_of_another_surface_is_refused(self):
+        from smartsurf import NetworkPolicy
+        from smartsurf.onnx_controller import OnnxPolicy
+        path = str(self.folder / "whole.onnx")
+        for planes, actions, words in ((1, 1, None), (2, 1, "its input 'observation' is 2 x 3 x 5, that of this surface 1 x 3 x 5"),
+                                       (1, 2, "its output 'action' is 2 x 3 x 5, not 1 x 3 x 5")):
+            layers = [(np.zeros((actions * 15, planes * 15)), np.zeros(actions * 15))]
+            NetworkPolicy(layers, observation_shape=(planes, 3, 5), action_shape=(actions, 3, 5), low=0, high=1).export(path)
+            policy = OnnxPolicy(path, {"proximity": 1}, ("height",))
+            observation = np.zeros((1, 3, 5), np.float32)
+            if words:
+                with self.assertRaisesRegex(ValueError, words):
+                    policy(observation, {"proximity": observation[0]})
+            else:
+                self.assertEqual(policy(observation, {"proximity": observation[0]})["height"].shape, (3, 5))
+                other = np.zeros((1, 4, 5), np.float32)
+                with self.assertRaisesRegex(ValueError, "its input 'observation' is 1 x 3 x 5, that of this surface 1 x 4 x 5"):
+                    policy(other, {"proximity": other[0]})
+
     def test_a_policy_without_a_shape_is_refused(self):
         policy = LocalPolicy(["row"], [("height", 0, 4)], [(np.zeros((1, 1, 5)), [1])])
         with self.assertRaisesRegex(ValueError, "no inputs but row and column"):
