@@ -391,7 +391,8 @@ class Learner:
                     return torch.cat([of(data, chosen, step) for step in range(length)])
                 ratio = (log_probabilities(chosen) - before[:, batch].flatten(0, 1)).exp()
                 own = flat(advantages)
-                own = ((own - own.mean()) / (own.std() + 1e-8))[:, None, None]
+                deviation = own.std() if len(own) > 1 else torch.zeros(())  # one number has none
+                own = ((own - own.mean()) / (deviation + 1e-8))[:, None, None]
                 loss = -torch.min(own * ratio, own * ratio.clamp(1 - how.clip, 1 + how.clip)).mean()
                 loss = loss - how.entropy * (self.actor.log_deviation.mean() + self.actor.log_single_deviation.mean())
                 wanted = (flat(targets) - float(self._targets.mean)) / float(self._targets.deviation)
