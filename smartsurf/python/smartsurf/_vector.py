@@ -94,6 +94,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                  source: str | None = None, controller: PathName | None = None,
                  controller_set: Mapping[str, float] | None = None, record: PathName | None = None,
                  record_worlds: Worlds = None, record_every: int = 1):
+        if record is None and (record_worlds is not None or record_every != 1):
+            raise ValueError("record_worlds and record_every need record, a folder")
         load_extensions(extensions)
         controllers = _controllers(controller, controller_set)
         num_envs = whole("num_envs", num_envs, 1)

@@ -822,6 +822,9 @@ class RecordedWorlds(ExperimentTest):
         self.assertNotEqual(results[1], 0)
         with self.assertRaisesRegex(ValueError, r"worlds = \[2\]: must be"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_worlds=[2])
+        for given in ({"record_worlds": [1]}, {"record_every": 2}):
+            with self.assertRaisesRegex(ValueError, "record_worlds and record_every need record"):
+                smartsurf.VectorEnv(path, 2, **given)
         with self.assertRaisesRegex(ValueError, "record_every = 0"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
 
