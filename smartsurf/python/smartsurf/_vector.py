@@ -314,8 +314,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def get_parameter(self, name: str) -> Numbers:
         """The values of a parameter in the next episodes, worlds × its shape; where it is randomised, those of the running
         episodes."""
-        shape, _, _, _ = self._parameter(name)
-        return np.array([values for _, values, _, _ in self._batch.parameter(name)]).reshape(self.num_envs, *shape)
+        shape, first, _, _ = self._parameter(name)
+        of_worlds = [values for _, values, _, _ in self._batch.parameter(name)]
+        for i, values in enumerate(of_worlds):
+            if len(values) != len(first):
+                raise ValueError(f"{name} has {len(values)} numbers in world {i} and {len(first)} in world 0: no array holds both")
+        return np.array(of_worlds).reshape(self.num_envs, *shape)
 
     def set_parameter(self, name: str, values: ArrayLike, worlds: Worlds = None) -> None:
         """Sets a parameter from the next reset of each world on: values broadcast to worlds × its shape. Else as
