@@ -77,7 +77,7 @@ py::dict describe(const Environment& environment) {
                   "actuators"_a = actuators, "info"_a = info, "options"_a = options,
                   "has_reward"_a = environment.experiment().has_reward(),
                   "episode_seconds"_a = environment.experiment().episode_s(), "objects"_a = objects,
-                  "engine"_a = environment.simulation().engine().name());
+                  "engine"_a = scene.world.engine);
 }
 
 // What a picture shows: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
@@ -445,10 +445,15 @@ class Batch {
     };
     return py::bool_(any(arrays_.terminated) || any(arrays_.truncated));
   }
-  void reset(const std::vector<std::uint64_t>& seeds, const std::vector<std::uint8_t>& mask) {
+  // Returns the worlds that could not start.
+  std::vector<int> reset(const std::vector<std::uint64_t>& seeds, const std::vector<std::uint8_t>& mask) {
     const Exclusive use(in_use_);
     py::gil_scoped_release release;
     batch_->reset(seeds, mask, arrays_);
+    std::vector<int> failed;
+    for (int i = 0; i < batch_->world_count(); ++i)
+      if (!batch_->error(i).empty()) failed.push_back(i);
+    return failed;
   }
   py::bytes save(int index) {
     const Exclusive use(in_use_);
@@ -594,6 +599,7 @@ EnvironmentOptions make_options(std::string experiment, std::string engine,
   options.seed = seed;
   if (!engine.empty()) options.engine = std::move(engine);
   options.threads = threads;
+  options.fixed_channels = true;
   return options;
 }
 
@@ -707,6 +713,7 @@ PYBIND11_MODULE(_core, m) {
       .def("restore", &Batch::restore)
       .def("started_seed", [](const Batch& b, int index) { return b.batch().started_seed(index); })
       .def("error", [](const Batch& b, int index) { return b.batch().error(index); })
+      .def("episode_over", [](const Batch& b, int index) { return b.batch().episode_over(index); })
       .def("final_metrics", &Batch::final_metrics)
       .def("metrics", [](const Batch& b, int index) { return to_dict(b.world(index).metrics()); })
       .def("state_hash",

@@ -81,6 +81,7 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   load_options.source = options_.source;
   load_options.savable = true;
   script::Experiment experiment = script::Experiment::load(options_.experiment, std::move(load_options));
+  if (options_.fixed_channels && experiment_) require_same_channels(experiment);
   simulation_.reset();
   experiment_.emplace(std::move(experiment));
   applied_values_.clear();
@@ -89,15 +90,32 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   if (!experiment_->variations().empty()) declared_ = scene();
 }
 
+void Environment::require_same_channels(const script::Experiment& other) const {
+  const scene::SurfaceSpec &a = scene().surface, &b = other.scene().surface;
+  const auto same_actuator = [](const auto& x, const auto& y) { return x.name == y.name; };
+  const auto same_sensor = [](const auto& x, const auto& y) {
+    return x.name == y.name && x.components == y.components;
+  };
+  const auto same_field = [](const auto& x, const auto& y) { return x.name == y.name && x.size == y.size; };
+  if (a.rows != b.rows || a.columns != b.columns ||
+      !std::ranges::equal(a.actuator_channels(), b.actuator_channels(), same_actuator) ||
+      !std::ranges::equal(scene::collect_channels(a.sensors), scene::collect_channels(b.sensors),
+                          same_sensor) ||
+      !std::ranges::equal(experiment_->info_fields(), other.info_fields(), same_field))
+    throw scene::InputError(scene().file + ": with seed " + std::to_string(other.scene().world.seed) +
+                            ", the script declares another surface, other channels or another info{}: all "
+                            "episodes must have the same");
+}
+
 void Environment::start_episode(std::uint64_t seed, const Values& values) {
   const auto is_set = [&](const auto& applied) {
     return std::ranges::find(values, applied.first, &Values::value_type::first) != values.end();
   };
   // Only the script knows the values that are no longer set.
+  simulation_.reset();
   if (draws_while_loading_ || !std::ranges::all_of(applied_values_, is_set)) {
     load(seed);
   } else {
-    simulation_.reset();
     if (declared_) experiment_->mutable_scene() = *declared_;
     experiment_->restart(seed);
   }
@@ -351,9 +369,10 @@ void Environment::info(std::span<double> values) {
 }
 
 std::size_t Environment::observation_size() const {
-  std::size_t size = 0;
-  for (const scene::ChannelData& channel : simulation().sensors()) size += channel.values.size();
-  return size;
+  std::size_t planes = 0;
+  for (const scene::SensorChannel& channel : scene::collect_channels(scene().surface.sensors))
+    planes += channel.components;
+  return planes * scene().surface.cell_count();
 }
 
 void Environment::observe(std::span<float> values) const {

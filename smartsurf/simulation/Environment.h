@@ -31,6 +31,9 @@ struct EnvironmentOptions {
   std::optional<std::uint64_t> max_ticks;  // after which an episode is truncated, besides episode.seconds
   // Commands the actuators in place of set_targets(), and restarts with each episode; null: none.
   std::shared_ptr<const common::ControllerFactory> controller;
+  // For callers whose arrays have the sizes of the first episode: refuse seeds with which the script declares
+  // another surface, other channels or another info{}.
+  bool fixed_channels = false;
 };
 
 // What one step has led to.
@@ -122,6 +125,7 @@ class Environment {
   };
 
   void load(std::optional<std::uint64_t> seed);
+  void require_same_channels(const script::Experiment&) const;
   void start_episode(std::uint64_t seed, const Values&);
   void start_simulation();
   Values draw_values(std::uint64_t seed) const;

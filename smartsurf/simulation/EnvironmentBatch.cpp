@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <exception>
 #include <limits>
+#include <utility>
 
 #include "smartsurf/simulation/EpisodeRandom.h"
 
@@ -43,6 +44,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
       bands_(std::make_unique<Band[]>(static_cast<std::size_t>(threads_))),
       worlds_(seeds.size()) {
   options_.threads = 1;
+  options_.fixed_channels = true;
   for_each_world([&](std::size_t i) {
     EnvironmentOptions own = options_;
     own.seed = seeds[i];
@@ -52,10 +54,12 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
     worlds_[i].seed = worlds_[i].started_seed = worlds_[i].environment->seed();
   });
   // All that their steps touch comes to lie together, apart from scripts and scenes.
-  for_each_world([&](std::size_t i) {
+  run_worlds([&](std::size_t i) {
     worlds_[i].environment->start();
     worlds_[i].locate_simulation();
   });
+  throw_if_all_failed();
+  for (World& world : worlds_) world.start_error = world.error;
   collapse_huge_pages();
   prefetched_bytes_ = prefetched_bytes();
   const Environment& first = *worlds_.front().environment;
@@ -63,12 +67,12 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   object_count_ = first.scene().objects.size();
   for (const auto& field : first.info_fields()) info_size_ += field.size;
   cells_ = first.scene().surface.cell_count();
-  action_size_ = first.simulation().actuators().size() * cells_;
+  action_size_ = first.scene().surface.actuator_channels().size() * cells_;
   for (const World& world : worlds_) {
     std::size_t info_size = 0;
     for (const auto& field : world.environment->info_fields()) info_size += field.size;
     if (world.environment->observation_size() != observation_size_ || info_size != info_size_ ||
-        world.environment->simulation().actuators().size() * cells_ != action_size_)
+        world.environment->scene().surface.actuator_channels().size() * cells_ != action_size_)
       throw scene::InputError(
           options_.experiment +
           ": the surface, its sensors or info{} depend on the seed or on an option: the worlds of a batch "
@@ -84,7 +88,8 @@ void EnvironmentBatch::collapse_huge_pages() const {
   for (const World& world : worlds_)
     for (const void* part : {static_cast<const void*>(world.environment.get()),
                              static_cast<const void*>(world.simulation.load())})
-      pages.push_back(reinterpret_cast<std::uintptr_t>(part) / kHugePageBytes * kHugePageBytes);
+      if (part != nullptr)
+        pages.push_back(reinterpret_cast<std::uintptr_t>(part) / kHugePageBytes * kHugePageBytes);
   std::ranges::sort(pages);
   for (auto page = pages.begin(); page != pages.end();) {
     const auto next = std::ranges::upper_bound(page, pages.end(), *page);
@@ -160,6 +165,11 @@ void EnvironmentBatch::throw_first_error() {
       throw scene::InputError("world " + std::to_string(i) + ": " + worlds_[i].error);
 }
 
+void EnvironmentBatch::throw_if_all_failed() {
+  if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); }))
+    throw_first_error();
+}
+
 void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateArrays& a) {
   Environment& environment = *worlds_[i].environment;
   if (!a.observations.empty())
@@ -174,11 +184,19 @@ void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateAr
 
 void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
                              const BatchArrays& a) {
-  for_each_world([&](std::size_t i) {
+  run_worlds([&](std::size_t i) {
     World& world = worlds_[i];
     world.error.clear();
-    if (mask[i] != 0) start_episode(i, seeds[i], a);
+    if (mask[i] == 0) return;
+    try {
+      start_episode(i, seeds[i], a);
+    } catch (const std::exception& error) {
+      world.start_error = world.error = error.what();
+      world.episode_over = false;
+      write_failed_state(i, a.state);
+    }
   });
+  throw_if_all_failed();
 }
 
 void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const {
@@ -221,6 +239,7 @@ void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const Ba
     if (mask[i] == 0) return;
     World& world = worlds_[i];
     world.episode_over = true;
+    world.start_error.clear();
     try {
       world.environment->finish();
       world.final_metrics = world.environment->metrics();
@@ -239,8 +258,10 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   const std::size_t i = index;
   end_observed(i);
   worlds_[i].environment->restore(state);
+  worlds_[i].locate_simulation();
   worlds_[i].seed = worlds_[i].environment->seed();
   worlds_[i].episode_over = false;
+  worlds_[i].start_error.clear();
   write_state(i, {}, a.state);
 }
 
@@ -260,13 +281,13 @@ void EnvironmentBatch::step(const BatchArrays& a) {
       }
     }
   });
-  if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); }))
-    throw_first_error();
+  throw_if_all_failed();
 }
 
 void EnvironmentBatch::start_episode(std::size_t i, std::uint64_t seed, const BatchArrays& a) {
   World& world = worlds_[i];
   end_observed(i);
+  world.start_error.clear();
   world.environment->reset(world.seed = world.started_seed = seed);
   world.locate_simulation();
   world.episode_over = false;
@@ -285,6 +306,7 @@ void EnvironmentBatch::end_observed(std::size_t i) {
 void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   World& world = worlds_[i];
   Environment& environment = *world.environment;
+  if (!world.start_error.empty()) throw scene::InputError(std::exchange(world.start_error, {}));
   StepResult result;
   if (world.episode_over && autoreset_ != Autoreset::kDisabled) {
     start_next_episode(i, a);
@@ -314,26 +336,28 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   if (!a.truncated.empty()) a.truncated[i] = result.truncated ? 1 : 0;
 }
 
+// All but the observation, which stays the last one.
+void EnvironmentBatch::write_failed_state(std::size_t i, const StateArrays& a) const {
+  if (!a.info.empty())
+    std::ranges::fill(a.info.subspan(i * info_size_, info_size_), std::numeric_limits<double>::quiet_NaN());
+  if (!a.seeds.empty()) a.seeds[i] = worlds_[i].seed;
+  if (!a.success.empty()) a.success[i] = 0;
+  if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = 0;
+  const std::size_t size = object_count_ * kObjectStateSize;
+  if (!a.objects.empty())
+    std::ranges::fill(a.objects.subspan(i * size, size), std::numeric_limits<float>::quiet_NaN());
+}
+
 void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {
   World& world = worlds_[i];
   world.episode_over = true;
   world.final_metrics.clear();
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  const auto write = [&](const StateArrays& state) {
-    if (!state.info.empty()) std::ranges::fill(state.info.subspan(i * info_size_, info_size_), kNan);
-    if (!state.seeds.empty()) state.seeds[i] = world.seed;
-    if (!state.success.empty()) state.success[i] = 0;
-    if (!state.nonfinite_actions.empty()) state.nonfinite_actions[i] = 0;
-    const std::size_t size = object_count_ * kObjectStateSize;
-    if (!state.objects.empty())
-      std::ranges::fill(state.objects.subspan(i * size, size), std::numeric_limits<float>::quiet_NaN());
-  };
-  write(a.state);
-  write(a.final_state);
+  write_failed_state(i, a.state);
+  write_failed_state(i, a.final_state);
   if (!a.final_state.observations.empty())
     std::ranges::copy(a.state.observations.subspan(i * observation_size_, observation_size_),
                       a.final_state.observations.subspan(i * observation_size_).begin());
-  if (!a.rewards.empty()) a.rewards[i] = kNan;
+  if (!a.rewards.empty()) a.rewards[i] = std::numeric_limits<double>::quiet_NaN();
   if (!a.terminated.empty()) a.terminated[i] = 0;
   if (!a.truncated.empty()) a.truncated[i] = 1;
   end_observed(i);

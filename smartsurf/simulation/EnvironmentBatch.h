@@ -65,7 +65,8 @@ class EnvironmentBatch {
  public:
   // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread, and
   // there are at most as many threads as worlds.
-  // Throws as Environment does, the message preceded by the world's number if worlds differ.
+  // Throws as Environment does, the message preceded by the world's number if worlds differ. If only some
+  // worlds cannot start, they fail in their first step.
   // `overrides`: besides those of the options, for each world, or empty.
   using Overrides = std::vector<std::pair<std::string, std::string>>;
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
@@ -80,7 +81,8 @@ class EnvironmentBatch {
   std::size_t object_count() const { return object_count_; }  // that the script of the first world declares
   int thread_count() const { return threads_; }
 
-  // Starts new episodes in the worlds whose mask is not 0, with the given seeds.
+  // Starts new episodes in the worlds whose mask is not 0, with the given seeds. A world that cannot start
+  // has error(), and fails in its next step. Throws if all fail.
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
   // Advances every world by one control period. A world that fails ends its episode: truncated, its reward
   // and info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then
@@ -91,8 +93,11 @@ class EnvironmentBatch {
   void end_episodes(std::span<const std::uint8_t> mask, const BatchArrays&);
   // Updates the objects' states after changes between two steps.
   void observe_objects(const StateArrays&) const;
-  // Why the world failed in the latest step(); "" if it did not.
+  // Why the world failed in the latest step() or reset(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
+
+  // True if the next step() resets the world, unless with kDisabled.
+  bool episode_over(int index) const { return worlds_[index].episode_over; }
 
   // The seed of the latest episode that the world started itself. The next episode's seed follows from it, so
   // that worlds to which one state was restored draw different ones.
@@ -123,6 +128,7 @@ class EnvironmentBatch {
     std::uint64_t started_seed = 0;  // of the latest one that was not restored
     bool episode_over = false;
     std::string error;
+    std::string start_error;  // of an episode that could not start, which its first step reports
     void locate_simulation() {
       simulation.store(reinterpret_cast<const std::byte*>(&environment->simulation()),
                        std::memory_order_relaxed);
@@ -142,18 +148,21 @@ class EnvironmentBatch {
   void write_objects(std::size_t, const StateArrays&) const;
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void throw_first_error();
+  void throw_if_all_failed();
   void collapse_huge_pages() const;
   std::size_t prefetched_bytes() const;
   // What the step of the world after this one touches, apart from its script, if it is not in the cache.
   std::span<const std::byte> memory_of_next(std::size_t i) const {
     if (i + 1 == worlds_.size()) return {};
-    return {worlds_[i + 1].simulation.load(std::memory_order_relaxed), prefetched_bytes_};
+    const std::byte* const next = worlds_[i + 1].simulation.load(std::memory_order_relaxed);
+    return {next, next == nullptr ? 0 : prefetched_bytes_};
   }
   void start_episode(std::size_t, std::uint64_t seed, const BatchArrays&);
   void start_next_episode(std::size_t, const BatchArrays&);
   void end_observed(std::size_t);
   void step_world(std::size_t, const BatchArrays&);
   void end_failed_episode(std::size_t, const BatchArrays&);
+  void write_failed_state(std::size_t, const StateArrays&) const;
   struct Outcome {
     bool success = false;
     std::int64_t nonfinite_actions = 0;

@@ -391,7 +391,8 @@ class Learner:
                     return torch.cat([of(data, chosen, step) for step in range(length)])
                 ratio = (log_probabilities(chosen) - before[:, batch].flatten(0, 1)).exp()
                 own = flat(advantages)
-                own = ((own - own.mean()) / (own.std() + 1e-8))[:, None, None]
+                deviation = own.std() if len(own) > 1 else torch.zeros(())  # one number has none
+                own = ((own - own.mean()) / (deviation + 1e-8))[:, None, None]
                 loss = -torch.min(own * ratio, own * ratio.clamp(1 - how.clip, 1 + how.clip)).mean()
                 loss = loss - how.entropy * (self.actor.log_deviation.mean() + self.actor.log_single_deviation.mean())
                 wanted = (flat(targets) - float(self._targets.mean)) / float(self._targets.deviation)
@@ -410,17 +411,15 @@ class Learner:
 
     def save(self) -> dict[str, Any] | None:
         """All on which an iteration depends, after an update; None, with a line on the terminal, if a world cannot be saved."""
-        envs = self.envs
         try:
-            worlds = [np.frombuffer(envs.save(i), np.uint8) for i in range(envs.num_envs)]
+            worlds = self.envs._save_worlds()
         except ValueError as error:
             if not self._unsaved:
                 print(f"smartsurf train: no checkpoint: {error}", file=sys.stderr)
             self._unsaved = True
             return None
         optimizer = [{name: value.numpy() for name, value in self.optimizer.state[p].items()} for p in self._learned]
-        return {"worlds": worlds, "started": [envs._batch.started_seed(i) for i in range(envs.num_envs)],
-                "actions": envs._actions if isinstance(envs, TaskVectorEnv) else None,
+        return {"worlds": worlds,
                 "own": {name: getattr(self, name) for name in self._STATE},
                 "moments": {name: moments.state for name, moments in self._moments().items()}, "returns": self._rewards.returns,
                 "generator": self._generator.get_state().numpy(), "functions": self._functions.numpy(),
@@ -428,13 +427,7 @@ class Learner:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on from what save() returned."""
-        envs = self.envs
-        envs.reset(seed=state["started"])
-        for i, world in enumerate(state["worlds"]):
-            envs.restore(i, world.tobytes())
-        if isinstance(envs, TaskVectorEnv):
-            envs._actions[...] = state["actions"]
-            envs._observe(envs.state())  # what a world that fails in the next step leaves
+        self.envs._restore_worlds(state["worlds"])
         for name, value in state["own"].items():
             setattr(self, name, value)
         for name, moments in self._moments().items():

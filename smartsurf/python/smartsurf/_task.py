@@ -314,13 +314,16 @@ class TaskVectorEnv(VectorEnv):
         if type(self.task).observation is not Task.observation:  # the planes are the last ones anyway
             if self._failed.any():
                 for name, values in (seen if isinstance(seen, dict) else {"": seen}).items():
-                    values[self._failed] = self._last[name][self._failed]
+                    values[self._failed] = self._last[name][self._failed] if self._last else 0  # that never started
             self._last = {name: values.copy() for name, values in (seen if isinstance(seen, dict) else {"": seen}).items()}
         return seen
 
-    def _restart(self, seeds: list[int], mask: Flags) -> None:
-        self._batch.reset(seeds, mask.astype(np.uint8).tolist())
+    def _restart(self, seeds: list[int], mask: Flags) -> list[int]:
+        """Returns the worlds that could not start."""
+        failed = self._batch.reset(seeds, mask.astype(np.uint8).tolist())
         self._begin(mask)
+        self._failed[failed] = True
+        return failed
 
     def _begin(self, mask: Flags) -> None:
         """After the reset of some worlds."""
@@ -356,8 +359,10 @@ class TaskVectorEnv(VectorEnv):
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._start_recording()
-        self._restart(self._seeds(seed, self._next_seed), mask)
-        return self._observe(self.state()), _of_worlds(self._task_infos(), mask)
+        failed = self._restart(self._seeds(seed, self._next_seed), mask)
+        observation, infos = self._observe(self.state()), _of_worlds(self._task_infos(), mask)
+        self._add_errors(infos, failed)
+        return observation, infos
 
     def step(self, actions: ArrayLike | None = None) -> Any:
         given: Any = actions
@@ -396,9 +401,10 @@ class TaskVectorEnv(VectorEnv):
         self._over = over.copy()
         if self._resets_itself and over.any():
             last = observation
-            self._restart(self._seeds(None, self._next_seed), over)
+            unstarted = self._restart(self._seeds(None, self._next_seed), over)
             observation, infos = self._observe(self.state()), self._task_infos()
             infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
+            self._add_errors(infos, unstarted)
             final_obs = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(over):
                 final_obs[i] = {name: values[i] for name, values in last.items()} if isinstance(last, dict) else last[i]
@@ -426,6 +432,14 @@ class TaskVectorEnv(VectorEnv):
         observation = self._observe(self.state())
         return ({name: values[world] for name, values in observation.items()} if isinstance(observation, dict)
                 else observation[world])
+
+    def _save_worlds(self) -> Info:
+        return {**super()._save_worlds(), "actions": self._actions.copy()}
+
+    def _restore_worlds(self, state: Info) -> None:
+        super()._restore_worlds(state)
+        self._actions[...] = state["actions"]
+        self._observe(self.state())  # what a world that fails in the next step leaves
 
     def __reduce__(self) -> tuple[Any, ...]:
         function, (cls, arguments, *rest) = super().__reduce__()

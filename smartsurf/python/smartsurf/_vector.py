@@ -74,8 +74,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     the new episode, and `final_obs` and `final_info` the one that has ended, with its `metrics`.
     A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
     reward and the values of info{} are NaN, its observation is the last one, and `error` in place of `metrics` says why.
-    The other worlds go on, and the next reset brings it back. If all worlds fail, or one with strict=True, step() raises
-    Error.
+    The other worlds go on, and the next reset brings it back. One that cannot start has its `error` in the info of reset() too,
+    and fails in its first step. If all worlds fail, or one with strict=True, step() and reset() raise Error.
     controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
     actions. It restarts with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
@@ -94,6 +94,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                  source: str | None = None, controller: PathName | None = None,
                  controller_set: Mapping[str, float] | None = None, record: PathName | None = None,
                  record_worlds: Worlds = None, record_every: int = 1):
+        if record is None and (record_worlds is not None or record_every != 1):
+            raise ValueError("record_worlds and record_every need record, a folder")
         load_extensions(extensions)
         controllers = _controllers(controller, controller_set)
         num_envs = whole("num_envs", num_envs, 1)
@@ -197,8 +199,17 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
                 raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
         self._start_recording()
-        self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
-        return self._observed(), self._infos() if mask.all() else _of_worlds(self._fields, mask)
+        failed = self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
+        infos = self._infos() if mask.all() else _of_worlds(self._fields, mask)
+        self._add_errors(infos, failed)
+        return self._observed(), infos
+
+    def _add_errors(self, infos: Info, failed: list[int]) -> None:
+        """Adds why worlds have not started."""
+        for i in failed:
+            if self._strict:
+                raise _core.Error(f"world {i}: {self._batch.error(i)}")
+            self._add_info(infos, {"error": self._batch.error(i)}, i)
 
     def _start_recording(self) -> None:
         if self._recording is not None:
@@ -267,6 +278,16 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         observation: FloatArray = self._observations[world]
         return observation.copy() if self._copy else observation
 
+    def _save_worlds(self) -> Info:
+        """All worlds, for _restore_worlds(); raises Error if one cannot be saved."""
+        return {"worlds": [np.frombuffer(self.save(i), np.uint8) for i in range(self.num_envs)],
+                "started": [self._batch.started_seed(i) for i in range(self.num_envs)]}
+
+    def _restore_worlds(self, state: Info) -> None:
+        self.reset(seed=state["started"])
+        for i, world in enumerate(state["worlds"]):
+            self.restore(i, world.tobytes())
+
     def state_hash(self, world: int) -> int:
         """The state hash of one world, as Simulation.state_hash."""
         return self._batch.state_hash(whole("world", world, 0))
@@ -293,8 +314,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def get_parameter(self, name: str) -> Numbers:
         """The values of a parameter in the next episodes, worlds × its shape; where it is randomised, those of the running
         episodes."""
-        shape, _, _, _ = self._parameter(name)
-        return np.array([values for _, values, _, _ in self._batch.parameter(name)]).reshape(self.num_envs, *shape)
+        shape, first, _, _ = self._parameter(name)
+        of_worlds = [values for _, values, _, _ in self._batch.parameter(name)]
+        for i, values in enumerate(of_worlds):
+            if len(values) != len(first):
+                raise ValueError(f"{name} has {len(values)} numbers in world {i} and {len(first)} in world 0: no array holds both")
+        return np.array(of_worlds).reshape(self.num_envs, *shape)
 
     def set_parameter(self, name: str, values: ArrayLike, worlds: Worlds = None) -> None:
         """Sets a parameter from the next reset of each world on: values broadcast to worlds × its shape. Else as
@@ -375,17 +400,17 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         failed = [bool(self._batch.error(i)) for i in range(self.num_envs)]
+        over = [self._batch.episode_over(i) for i in range(self.num_envs)]
         states = [b"" if failed[i] else self._batch.save(i) for i in range(self.num_envs)]
         arrays = [array.copy() for array in (*self._state_arrays, self._rewards, self._terminated, self._truncated)]
         started = [self._batch.started_seed(i) for i in range(self.num_envs)]
-        return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, started, states, arrays,
+        return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, started, states, arrays, over,
                             getattr(self, "_np_random", None), self._object_states is not None)
 
 
 def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], values: dict[str, tuple[Numbers, Flags]],
                ranges: dict[str, tuple[Numbers, Numbers, Flags]], started: list[int], states: list[bytes], arrays: list[Any],
-               random: Any, has_objects: bool) -> VectorEnv:
-    *state_arrays, rewards, terminated, truncated = arrays
+               over: list[bool], random: Any, has_objects: bool) -> VectorEnv:
     envs = cls(seed=started, **arguments)
     for name, (numbers, mask) in values.items():
         envs.set_parameter(name, numbers[mask], mask)
@@ -399,8 +424,7 @@ def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], values: dict[str
     for to, saved in zip((*envs._state_arrays, envs._rewards, envs._terminated, envs._truncated), arrays):
         to[...] = saved
     if not envs._same_step:  # those that the next step resets
-        over = terminated | truncated
-        envs._batch.end_episodes(over.astype(np.uint8).tolist())
+        envs._batch.end_episodes([int(one) for one in over])
     envs._np_random = random
     return envs
 

@@ -14,6 +14,7 @@ Equal arguments give equal policies, for any number of threads.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import pathlib
 import sys
@@ -89,6 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except ImportError as error:
             raise ValueError("--method ppo needs torch: pip install torch; cem does not") from error
         learn = _ppo.train
+    if how.policy != "local" and importlib.util.find_spec("onnx") is None:
+        print(f"smartsurf train: --policy {how.policy}: the policy is written as ONNX alone, which needs onnx: pip install onnx; "
+              "without it this training leaves no policy", file=sys.stderr, flush=True)
     log = training.Log(folder, make, how, f"{name}: learned by smartsurf train --method {how.method}.", source)
     if log.finished:
         return

@@ -584,6 +584,82 @@ class VectorEnvironments(ExperimentTest):
             for tick in range(300):
                 strict.step(sampled(strict.action_space, tick))
 
+    def test_a_world_that_cannot_start_fails_in_its_first_step(self):
+        start = "on_reset(function() if math.random(3) == 1 then error('early') end"
+        path = self.script(ENDINGS.replace("on_reset(function()", start))
+        bad = np.array([self.fails_to_start(path, s) for s in range(40)])
+        self.assertTrue(0 < bad[:8].sum() < 8)
+        for mode in AutoresetMode:
+            with self.subTest(mode=mode.value):
+                envs = smartsurf.VectorEnv(path, 8, 2, seed=0, autoreset_mode=mode)
+                for first, mask in ((0, None), (8, None), (16, np.arange(8) > 3)):
+                    chosen = np.ones(8, bool) if mask is None else mask
+                    envs.reset(seed=first)
+                    _, infos = envs.reset(seed=first + 8, options=None if mask is None else {"reset_mask": mask})
+                    expected = np.where(chosen, bad[first + 8:first + 16], False)
+                    np.testing.assert_array_equal(infos.get("_error", np.zeros(8, bool)), expected)
+                    self.assertTrue(all("early" in infos["error"][i] for i in np.flatnonzero(expected)))
+                    for i in np.flatnonzero(chosen & ~expected):
+                        self.assertEqual(envs.state_hash(i), smartsurf.Simulation(path, seed=first + 8 + int(i)).state_hash)
+                    before = np.where(chosen, False, bad[first:first + 8])  # which still have to report it
+                    _, rewards, _, truncated, infos = envs.step(sampled(envs.action_space, 1))
+                    final = infos.get("final_info", infos)
+                    np.testing.assert_array_equal(np.isnan(rewards), expected | before)
+                    self.assertTrue(truncated[expected].all())
+                    self.assertTrue(all("early" in final["error"][i] for i in np.flatnonzero(expected)))
+                copied = copy.deepcopy(envs)
+                for tick in range(30):
+                    (*one, _), (*two, _) = (e.step(sampled(envs.action_space, tick)) for e in (envs, copied))
+                    if mode == AutoresetMode.NEXT_STEP:
+                        np.testing.assert_array_equal(one[1], two[1])
+                self.assertTrue(np.isfinite(rewards).any())
+        with self.assertRaisesRegex(smartsurf.Error, "world 0: .*early"):
+            smartsurf.VectorEnv(path, 1, seed=int(np.flatnonzero(bad)[0]))
+        strict = smartsurf.VectorEnv(path, 8, seed=0, strict=True)
+        with self.assertRaisesRegex(smartsurf.Error, f"world {np.flatnonzero(bad[:8])[0]}: .*early"):
+            strict.reset(seed=0)
+
+    def test_a_seed_with_another_surface_is_refused(self):
+        surfaces = ("local n = random() < 0.5 and 4 or 40\nsurface { rows = n, columns = n, actuator = pin { range = {0, 4} }, "
+                    "sensors = { proximity { range = 4 } } }",
+                    "local more = random() < 0.5 and proximity { range = 4 } or colour { range = 4 }\n"
+                    "surface { rows = 4, columns = 4, actuator = pin { range = {0, 4} }, sensors = { more } }",
+                    "surface { rows = 4, columns = 4, actuator = pin { range = {0, 4} } }\n"
+                    "if random() < 0.5 then info { a = function() return 1 end } else info { b = function() return 1 end } end")
+        for script in surfaces:
+            path = self.script(script)
+
+            def declared(seed):
+                s = smartsurf.Simulation(path, seed=seed)
+                return s.rows, [c.name for c in s.sensor_channels], list(s.info)
+            other = next(s for s in range(1, 100) if declared(s) != declared(0))
+            same = next(s for s in range(1, 100) if declared(s) == declared(0))
+            simulation, envs = smartsurf.Simulation(path, seed=0), smartsurf.VectorEnv(path, 2, seed=[0, 0])
+            refused = f"with seed {other}, the script declares another surface, other channels or another info{{}}"
+            with self.assertRaisesRegex(smartsurf.Error, refused):
+                simulation.reset(other)
+            with self.assertRaisesRegex(smartsurf.Error, "could not start"):
+                simulation.step()
+            simulation.reset(same)
+            simulation.step()
+            _, infos = envs.reset(seed=[same, other])
+            self.assertRegex(infos["error"][1], refused)
+            envs.step(np.zeros(envs.action_space.shape))
+            envs.reset(seed=[0, same])
+            self.assertEqual(envs.state_hash(1), smartsurf.Simulation(path, seed=same).state_hash)
+
+    def test_a_copy_after_a_reset_between_two_episodes_continues_with_the_same_bits(self):
+        envs = smartsurf.VectorEnv(self.script(ENDINGS), 3, 1, max_episode_steps=4)
+        envs.reset(seed=1)
+        for tick in range(4):
+            envs.step(sampled(envs.action_space, tick))
+        envs.reset()
+        copied = copy.deepcopy(envs)
+        for tick in range(10):
+            a, b = (one.step(sampled(envs.action_space, tick)) for one in (envs, copied))
+            np.testing.assert_array_equal(a[0], b[0])
+            np.testing.assert_array_equal(a[3], b[3])
+
     def fails_to_start(self, path, seed):
         try:
             smartsurf.Simulation(path, seed=seed)
@@ -746,6 +822,9 @@ class RecordedWorlds(ExperimentTest):
         self.assertNotEqual(results[1], 0)
         with self.assertRaisesRegex(ValueError, r"worlds = \[2\]: must be"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_worlds=[2])
+        for given in ({"record_worlds": [1]}, {"record_every": 2}):
+            with self.assertRaisesRegex(ValueError, "record_worlds and record_every need record"):
+                smartsurf.VectorEnv(path, 2, **given)
         with self.assertRaisesRegex(ValueError, "record_every = 0"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
 

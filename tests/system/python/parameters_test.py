@@ -94,6 +94,13 @@ class Parameters(ExperimentTest):
             self.assertEqual(envs.state_hash(world), other.state_hash, f"tick {tick}")
             self.assertEqual(observations[world].tobytes(), other._observation.tobytes(), f"tick {tick}")
 
+    def test_worlds_with_other_objects_have_no_common_array(self):
+        path = self.script("surface { rows = 6, columns = 6, actuator = pin {} }\n"
+                           "for i = 1, option('count', 1) do sphere { radius = 0.5, position = {i, 2, 4}, label = 'ball' } end")
+        envs = smartsurf.VectorEnv(path, 2, set=[{"count": 1}, {"count": 3}])
+        with self.assertRaisesRegex(ValueError, "object.ball.mass has 3 numbers in world 1 and 1 in world 0"):
+            envs.get_parameter("object.ball.mass")
+
     def test_a_world_with_a_value_equals_a_script_that_declares_it(self):
         base = self.script(scene())
         changes = [{}, *CHANGES, EVERYTHING]

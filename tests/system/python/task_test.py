@@ -243,6 +243,28 @@ class Tasks(ExperimentTest):
             self.assertGreater(failures, 3)
             self.assertLess(failures, 120)
 
+    def test_a_world_that_cannot_start_is_quarantined(self):
+        class Failing(Sensed):
+            scene = SCENE + "on_reset(function() if random() < 0.3 then error('broken') end end)"
+
+            def observation(self, s):
+                return s.position()
+        for mode in AutoresetMode:
+            with self.subTest(mode=mode.value):
+                envs = Failing().make_vec(16, threads=2, autoreset_mode=mode, seed=1)
+                observation, infos = envs.reset(seed=1)
+                failed = infos["_error"]
+                self.assertTrue(0 < failed.sum() < 16 and np.isfinite(observation).all())
+                for tick in range(60):
+                    observation, rewards, terminated, truncated, infos = envs.step(command(tick, envs.action_space.shape))
+                    self.assertTrue(np.isfinite(observation).all())
+                    if tick == 0:
+                        np.testing.assert_array_equal(np.isnan(rewards), failed)
+                    final = infos.get("final_info", infos)
+                    self.assertTrue(all("broken" in final["error"][i] for i in np.flatnonzero(np.isnan(rewards))))
+                    if mode == AutoresetMode.DISABLED and (terminated | truncated).any():
+                        envs.reset(options={"reset_mask": terminated | truncated})
+
     def test_a_reward_that_is_not_finite_ends_its_world(self):
         class Undefined(Reach):
             def reward(self, s):

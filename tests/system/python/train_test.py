@@ -167,6 +167,24 @@ class Training(ExperimentTest):
         self.assertEqual(len(self.train(self.script(PLATE), "--iterations", 1, "--candidates", 2, "--runs", 1)), 1)
         self.assertFalse(old.exists())
 
+    @needs_torch
+    def test_minibatches_of_one_decision_leave_finite_weights(self):
+        (self.folder / "plate.lua").write_text(SHORT)
+        self.train_here(self.folder / "plate.lua", "--method", "ppo", "--hidden", 2, "--iterations", 2, "--worlds", 2, "--horizon", 2)
+        with np.load(self.folder / "out/checkpoint.npz") as file:
+            self.assertTrue(all(np.isfinite(file[name]).all() for name in file.files if file[name].dtype.kind == "f"))
+
+    @needs_torch
+    def test_a_training_that_can_leave_no_policy_says_so_first(self):
+        find = importlib.util.find_spec
+        (self.folder / "plate.lua").write_text(SHORT)
+        with mock.patch("importlib.util.find_spec", lambda name, *more: None if name == "onnx" else find(name, *more)):
+            for policy in ("cnn", "local"):
+                with contextlib.redirect_stderr(io.StringIO()) as errors:
+                    self.train_here(self.folder / "plate.lua", "--method", "ppo", "--policy", policy, "--hidden", 2,
+                                    "--iterations", 1, "--worlds", 2, "--horizon", 2)
+                self.assertEqual("--policy cnn: the policy is written as ONNX alone" in errors.getvalue(), policy == "cnn")
+
     def train_here(self, *arguments, folder="out"):
         """smartsurf train in this process."""
         from smartsurf import train
