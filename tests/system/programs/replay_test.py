@@ -77,7 +77,7 @@ class Replay(ProgramTest):
         self.assertEqual(ours.read_bytes(), theirs.read_bytes())
         status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@5")
         self.assertEqual(status, 2)
-        self.assertIn("the recording ends at 1 s", err)
+        self.assertIn("the recording ends at 1.00 s", err)
 
     @needs_view
     def test_view_flags_change_pictures(self):
