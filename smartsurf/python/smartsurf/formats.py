@@ -2,9 +2,9 @@
 
     python -m smartsurf.formats run.h5 -o run.usd        also .usda, .usdc; needs usd-core
     python -m smartsurf.formats run.h5 -o run.rrd        needs rerun-sdk
-    python -m smartsurf.formats run.h5 -o run.mcap       needs mcap
+    python -m smartsurf.formats run.h5 -o run.mcap       needs mcap and mcap-ros2-support
 
-`smartsurf export` does the same. Each format is written by its own library: the extras `usd`, `rerun` and `mcap`; ROS messages are encoded here.
+`smartsurf export` does the same. Each format is written by its own library: the extras `usd`, `rerun` and `mcap`.
 Shapes, colours and poses are those of the glTF model that the program smartsurf exports; channels and metrics are the
 recording's. Lengths are in u, z points up, and time 0 is the first recorded frame.
 """
@@ -34,7 +34,7 @@ Array = npt.NDArray[Any]
 _CELL = re.compile(r"(pin|part) \d+,\d+")  # names of nodes that are no objects
 EXTENSIONS = {".usd": "usd", ".usda": "usd", ".usdc": "usd", ".rrd": "rerun", ".mcap": "mcap"}
 _MODULES = {"usd": {"pxr": "usd-core", "h5py": "h5py"}, "rerun": {"rerun": "rerun-sdk", "h5py": "h5py"},
-            "mcap": {"mcap": "mcap", "h5py": "h5py"}}
+            "mcap": {"mcap": "mcap", "mcap_ros2": "mcap-ros2-support", "h5py": "h5py"}}
 
 
 class FormatError(ValueError):
@@ -348,171 +348,93 @@ def _definition(message: str) -> str:
     return "\n".join([_MESSAGES[message], *(f"{'=' * 80}\nMSG: {kind}\n{_PARTS[kind]}" for kind in needed)])
 
 
-class _Cdr:
-    """A ROS 2 message in the Common Data Representation, little-endian: numbers are aligned to their size."""
-
-    def __init__(self) -> None:
-        self.data = bytearray()
-
-    def _align(self, size: int) -> None:
-        self.data += bytes(-len(self.data) % size)
-
-    def put(self, kind: str, *values: float) -> None:
-        """kind: one letter of struct for all."""
-        self._align(struct.calcsize(kind))
-        self.data += struct.pack(f"<{len(values)}{kind}", *values)
-
-    def text(self, text: str) -> None:
-        encoded = text.encode() + b"\0"
-        self.put("I", len(encoded))
-        self.data += encoded
-
-    def numbers(self, values: Array, kind: str) -> None:
-        """A sequence of structures of equal numbers: rows of values, or the values themselves."""
-        self.put("I", len(values))
-        if len(values):
-            self._align(np.dtype(kind).itemsize)
-            self.data += np.ascontiguousarray(values, kind).tobytes()
-
-    def header(self, nanoseconds: int, frame: str) -> None:
-        self.put("i", nanoseconds // 10**9)
-        self.put("I", nanoseconds % 10**9)
-        self.text(frame)
-
-    def message(self) -> bytes:
-        return b"\0\1\0\0" + bytes(self.data)
-
-
-@dataclass
-class _Part:
-    """A node in the log. frame: that of its marker, which has the pose if the frame is the table's."""
-    space: str
-    index: int
-    frame: str
-    node: Node
-
-    @property
-    def moves(self) -> bool:
-        return self.frame != "table"
-
-
-_ORIGIN = np.zeros(3), np.array([0.0, 0, 0, 1])
-
-
-def _put_marker(to: _Cdr, nanoseconds: int, frame: str, space: str, index: int, kind: int, mesh: Mesh, points: Array, scale: Array,
-                pose: tuple[Array, Array]) -> None:
-    """visualization_msgs/Marker; a scale of 0 removes it."""
-    to.header(nanoseconds, frame)
-    to.text(space)
-    to.put("i", index, kind, 0 if scale[0] > 0 else 2)
-    to.put("d", *pose[0], *pose[1], *scale)
-    to.put("f", *(_srgb(c) for c in mesh.colour[:3]), mesh.colour[3])
-    to.put("i", 0, 0)  # lifetime
-    to.put("B", 1)  # frame_locked
-    to.numbers(points, "<f8")
-    to.put("I", 0)  # colors
-    to.text("")  # texture_resource
-    to.header(nanoseconds, "table")  # texture
-    to.text("")
-    to.put("I", 0, 0)  # its data, uv_coordinates
-    to.text("")  # text
-    to.text("")  # mesh_resource
-    to.text("")  # mesh_file
-    to.put("I", 0)
-    to.put("B", 0)  # mesh_use_embedded_materials
+def _changes(track: Array) -> set[int]:
+    """The first frame, and each that differs by over 0.001 u, the model's exactness, from the last of these."""
+    frames = [0]
+    if np.ptp(track, axis=0).max() > 0.001:
+        for frame in range(1, len(track)):
+            if np.abs(track[frame] - track[frames[-1]]).max() > 0.001:
+                frames.append(frame)
+    return set(frames)
 
 
 def write_mcap(model: Model, path: pathlib.Path) -> None:
     """ROS 2 messages; the log's time is the simulated one. /tf: a frame for each object and each moving part of a cell, in the
     frame `table`. /objects and /cells: markers of both, once and where their scale changes; pins as one list of cubes.
     /sensors/NAME, /actuators/NAME: images of 32-bit floats, row 0 north. /metrics/NAME: numbers."""
-    from mcap.writer import Writer  # type: ignore[import-not-found,import-untyped,unused-ignore]
-    corners = [mesh.points[mesh.triangles.reshape(-1)] for mesh in model.meshes]
-    objects = [_Part("objects", index, name, node)
+    from mcap_ros2.writer import Writer  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    def xyz(values: Array) -> dict[str, float]:
+        return dict(zip("xyzw", values.tolist()))
+
+    def points(values: Array) -> list[dict[str, float]]:
+        return [{"x": x, "y": y, "z": z} for x, y, z in values.tolist()]
+
+    corners = []
+    for mesh in model.meshes:
+        vertices = points(mesh.points)
+        corners.append([vertices[i] for i in mesh.triangles.reshape(-1).tolist()])
+    # Of each node: its frame, the name space and number of its marker, when that is written, and the node.
+    objects = [(name, "objects", index, _changes(node.scale), node)
                for index, (name, node) in enumerate(_names([node for node in model.nodes if node.is_object]))]
-    boxes: list[tuple[str, Mesh, list[Node]]] = []
-    cells: list[_Part] = []
-    for name, mesh_index, nodes in _instances(model):
-        if model.meshes[mesh_index].name in ("pin", "wall") and all((node.orientation[:, 3] == 1).all() for node in nodes):
-            boxes.append((name, model.meshes[mesh_index], nodes))
-            continue
-        cells += [_Part(name, i, "table" if len(node.position) == len(node.orientation) == 1 else f"{name}/{i}", node)
-                  for i, node in enumerate(nodes)]
+    cells, boxes = [], []
+    for space, mesh_index, nodes in _instances(model):
+        mesh = model.meshes[mesh_index]
+        if mesh.name in ("pin", "wall") and all((node.orientation[:, 3] == 1).all() for node in nodes):
+            track = np.concatenate([np.broadcast_to(node.position, (len(model.times_s), 3)) for node in nodes], 1, dtype="f4")
+            boxes.append((space, mesh, _changes(track), track))
+        else:
+            cells += [("table" if len(node.position) == len(node.orientation) == 1 else f"{space}/{index}", space, index, _changes(node.scale), node)
+                      for index, node in enumerate(nodes)]
     with path.open("wb") as file:
         writer = Writer(file)
-        writer.start("ros2", "smartsurf")
-        schemas = {name: writer.register_schema(name.replace("/", "/msg/"), "ros2msg", _definition(name).encode()) for name in _MESSAGES}
-        topics: dict[str, int] = {}
-
-        def write(topic: str, message: str, content: _Cdr, nanoseconds: int) -> None:
-            if topic not in topics:
-                topics[topic] = writer.register_channel(topic, "cdr", schemas[message])
-            writer.add_message(topics[topic], nanoseconds, content.message(), nanoseconds)
-
-        def write_markers(topic: str, count: int, markers: _Cdr, nanoseconds: int) -> None:
-            if count:
-                write(topic, "visualization_msgs/MarkerArray", markers, nanoseconds)
-
-        def put_parts(to: _Cdr, parts: list[_Part], frame: int, nanoseconds: int) -> int:
-            """The markers that are new or whose scale has changed."""
-            count = 0
-            for part in parts:
-                position, orientation, scale = part.node.at(frame)
-                if frame == 0 or (len(part.node.scale) > 1 and (part.node.scale[frame] != part.node.scale[frame - 1]).any()):
-                    mesh = part.node.mesh
-                    _put_marker(to, nanoseconds, part.frame, part.space, part.index, _TRIANGLE_LIST, model.meshes[mesh], corners[mesh], scale,
-                                _ORIGIN if part.moves else (position, orientation))
-                    count += 1
-            return count
-
-        def array() -> _Cdr:
-            """A message that begins with the length of a sequence."""
-            message = _Cdr()
-            message.put("I", 0)
-            return message
-
-        boxes_before: dict[str, Array] = {}
-        moving = [part for part in objects + cells if part.moves]
+        schemas = {name: writer.register_msgdef(name.replace("/", "/msg/"), _definition(name)) for name in _MESSAGES}
         for frame, time in enumerate(model.times_s.tolist()):
             nanoseconds = round(time * 1e9)
-            if moving:
-                transforms = _Cdr()
-                transforms.put("I", len(moving))
-                for part in moving:
-                    position, orientation, _ = part.node.at(frame)
-                    transforms.header(nanoseconds, "table")
-                    transforms.text(part.frame)
-                    transforms.put("d", *position.tolist(), *orientation.tolist())
-                write("/tf", "tf2_msgs/TFMessage", transforms, nanoseconds)
-            markers = array()
-            count = put_parts(markers, objects, frame, nanoseconds)
-            struct.pack_into("<I", markers.data, 0, count)
-            write_markers("/objects", count, markers, nanoseconds)
-            markers = array()
-            count = put_parts(markers, cells, frame, nanoseconds)
-            for name, mesh, nodes in boxes:
-                position = np.array([node.at(frame)[0] for node in nodes])
-                if name not in boxes_before or (boxes_before[name] != position).any():
-                    boxes_before[name] = position
+            stamp = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+            header = {"stamp": stamp, "frame_id": "table"}
+            transforms: list[dict[str, Any]] = []
+            markers: dict[str, list[dict[str, Any]]] = {"/objects": [], "/cells": []}
+
+            def write(topic: str, message: str, content: dict[str, Any]) -> None:
+                writer.write_message(topic, schemas[message], content, log_time=nanoseconds, publish_time=nanoseconds)
+
+            def mark(topic: str, own: str, space: str, index: int, mesh: Mesh, scale: Array, **shape: Any) -> None:
+                """own: the marker's frame. A scale of 0 removes the marker."""
+                markers[topic].append({
+                    "header": {"stamp": stamp, "frame_id": own}, "ns": space, "id": index, "action": 0 if scale[0] > 0 else 2,
+                    "scale": xyz(scale), "color": dict(zip("rgba", [*(_srgb(c) for c in mesh.colour[:3]), mesh.colour[3]])),
+                    "frame_locked": True, "pose": {"orientation": {"w": 1.0}}, **shape})
+
+            for topic, parts in (("/objects", objects), ("/cells", cells)):
+                for own, space, index, changes, node in parts:
+                    position, orientation, scale = node.at(frame)
+                    pose = {}
+                    if own == "table":
+                        pose = {"pose": {"position": xyz(position), "orientation": xyz(orientation)}}
+                    else:
+                        transforms.append({"header": header, "child_frame_id": own,
+                                           "transform": {"translation": xyz(position), "rotation": xyz(orientation)}})
+                    if frame in changes:
+                        mark(topic, own, space, index, model.meshes[node.mesh], scale, type=_TRIANGLE_LIST,
+                             points=corners[node.mesh], **pose)
+            for space, mesh, changes, track in boxes:
+                if frame in changes:
                     low, high = mesh.points.min(0), mesh.points.max(0)
-                    _put_marker(markers, nanoseconds, "table", name, 0, _CUBE_LIST, mesh, position + (low + high) / 2, high - low, _ORIGIN)
-                    count += 1
-            struct.pack_into("<I", markers.data, 0, count)
-            write_markers("/cells", count, markers, nanoseconds)
+                    mark("/cells", "table", space, 0, mesh, high - low, type=_CUBE_LIST,
+                         points=points(track[frame].reshape(-1, 3) + (low + high) / 2))
+            if transforms:
+                write("/tf", "tf2_msgs/TFMessage", {"transforms": transforms})
+            for topic, those in markers.items():
+                if those:
+                    write(topic, "visualization_msgs/MarkerArray", {"markers": those})
             for channel, values in model.channels.items():
                 image = np.ascontiguousarray(values[frame], "<f4")
-                message = _Cdr()
-                message.header(nanoseconds, "table")
-                message.put("I", *image.shape[:2])
-                message.text(f"32FC{image.shape[2] if image.ndim == 3 else 1}")
-                message.put("B", 0)  # is_bigendian
-                message.put("I", image.strides[0])
-                message.numbers(np.frombuffer(image.tobytes(), "u1"), "u1")
-                write("/" + channel, "sensor_msgs/Image", message, nanoseconds)
+                write("/" + channel, "sensor_msgs/Image", {
+                    "header": header, "height": image.shape[0], "width": image.shape[1], "step": image.strides[0],
+                    "encoding": f"32FC{image.shape[2] if image.ndim == 3 else 1}", "data": image.tobytes()})
             for metric, numbers in model.metrics.items():
-                message = _Cdr()
-                message.put("d", float(numbers[frame]))
-                write("/metrics/" + metric, "std_msgs/Float64", message, nanoseconds)
+                write("/metrics/" + metric, "std_msgs/Float64", {"data": float(numbers[frame])})
         writer.finish()
 
 

@@ -174,13 +174,15 @@ class Formats(FormatTest):
 
     @needs("mcap")
     def test_mcap_has_meshes_of_moving_parts_once(self):
-        """Wheels turn in every frame; force shows by the scale of arrows."""
+        """Wheels turn in every frame, and arms of deltas, whose scale has rounding errors; force shows by the scale of arrows."""
         scene = """
             record {{ sensors = true }}
             surface {{ rows = 5, columns = 6, actuator = {actuator}, sensors = {{ colour {{}} }} }}
             on_tick(function(t) for c = 1, 6 do cells:target('{channel}', 2, c, {value}) end end)
             """
-        for actuator, channel, value in (("wheels { top = 0.8, max_spin = 20 }", "spin_a", "9"), ("force_field {}", "fx", "2 + 6 * t")):
+        for actuator, channel, value in (("wheels { top = 0.8, max_spin = 20 }", "spin_a", "9"),
+                                           ("delta { workspace = { radius = 0.8, z = {0.6, 1.8} } }", "x", "0.5 * math.sin(6 * t)"),
+                                           ("force_field {}", "fx", "2 + 6 * t")):
             self.record(textwrap.dedent(scene).format(actuator=actuator, channel=channel, value=value))
             self.export(".mcap")
             frames, messages, turned, sizes, images = self.read("""
@@ -194,6 +196,7 @@ class Formats(FormatTest):
                         if channel.topic == '/cells':
                             messages.append(len(content.markers))
                             for marker in content.markers:
+                                if marker.type != 11: continue  # pins, which move
                                 assert marker.points and marker.frame_locked and not marker.text and not marker.colors
                                 sizes.setdefault(f'{marker.ns}/{marker.id}', []).append(marker.scale.x * marker.scale.z)
                         elif channel.topic == '/tf':
@@ -209,6 +212,9 @@ class Formats(FormatTest):
             if channel == "spin_a":
                 self.assertEqual(len(messages), 1, "meshes are repeated")
                 self.assertEqual(sum(n > 50 for n in turned.values()), 6, turned)  # of the row that is driven
+            elif channel == "x":
+                self.assertEqual({len(track) for track in sizes.values()}, {1}, "markers whose scale does not change are repeated")
+                self.assertGreater(sum(n > 50 for n in turned.values()), 6)
             else:
                 flowing = [track for track in sizes.values() if len(track) > 10]
                 self.assertEqual(len(flowing), 6, {n: len(s) for n, s in sizes.items()})
