@@ -494,6 +494,8 @@ RunSummary Run::summary() const {
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;
     s.actuator_values_clamped += link_->endpoint().counters().clamped;
   }
+  s.actuator_values_nan = simulation_.nan_targets();
+  s.actuator_values_clamped -= s.actuator_values_nan;
   return s;
 }
 
@@ -513,6 +515,9 @@ void Run::print_summary() {
     progress_.print_message(
         fmt::format("warning: {} commands were outside their channel's range and clamped to it",
                     s.actuator_values_clamped));
+  if (s.actuator_values_nan > 0)
+    progress_.print_message(fmt::format(
+        "warning: {} commands were NaN and replaced by their channel's safe value", s.actuator_values_nan));
   const std::vector<std::string> files = written_files();
   progress_.print_message(fmt::format("{}: {:.2f} s simulated in {:.1f} s ({:.3g}x real time){}{}",
                                       ending_->outcome, s.simulated_s, s.wall_s, s.real_time_factor(),

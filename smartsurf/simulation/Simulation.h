@@ -91,6 +91,8 @@ class Simulation final : public script::SimulationInterface {
   const DepartureTracker& departures() const noexcept { return departures_; }
   // How many of the script's targets were outside their channel's range, or NaN, and replaced.
   std::uint64_t clamped_targets() const noexcept { return clamped_targets_; }
+  // How many targets were NaN, whatever set them.
+  std::uint64_t nan_targets() const noexcept { return actuator_array_.nan_targets(); }
   std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;

@@ -358,6 +358,23 @@ on_finish(function() metric('left', left) end)""")
         clamped = json.loads((self.folder / "s.json").read_text())["actuator_values_clamped"]
         self.assertGreaterEqual(clamped, 2 * 64)
         self.assertIn(f"warning: {clamped} commands were outside", err)
+        self.assertNotIn("NaN", err)
+
+    def test_nan_commands_are_told_apart_from_clamped_ones(self):
+        self.write("table.lua", "surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }")
+        for value, nan, clamped in (("math.sqrt(-1 - cell.x)", 64, 0), ("1 / (0 * cell.x)", 0, 64),
+                                    ("math.sqrt(cell.x - 3.5) + 9", 32, 32)):
+            self.write("up.aps", f"!register(UP)\nUP = {value}\nwhile(1)\n  surface.actuate('height', UP)\n  surface.step\nendwhile\n")
+            status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--controller", "up.aps", "--ticks", "3",
+                                              "--stats", "s.json")
+            self.assertEqual(status, 0, err)
+            stats = json.loads((self.folder / "s.json").read_text())
+            with self.subTest(value=value):
+                for count, key, said in ((nan, "nan", "commands were NaN and replaced by their channel's safe value"),
+                                         (clamped, "clamped", "commands were outside their channel's range and clamped to it")):
+                    found = stats[f"actuator_values_{key}"]
+                    self.assertIn(found, (3 * count, 4 * count))  # the last answer may come too late
+                    self.assertEqual(f"warning: {found} {said}" in err, count > 0, err)
 
     def test_shipped_experiments_are_told_nothing(self):
         for folder in ("case-study", "tasks", "examples"):
