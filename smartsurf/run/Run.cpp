@@ -171,6 +171,7 @@ void Run::start() {
   record_tick();
   phase_times_ = {};
   start_time_ = Clock::now();
+  pictures_time_ = {};
   progress_.restart();
 }
 
@@ -378,7 +379,11 @@ void Run::record_tick() {
   phase_times_.lap(Phase::kRecord);
   if (observer_) observer_(simulation_);
   if (display_->has_window()) mark_events();
+  const auto before_pictures = Clock::now();
   media_.write_due(frame_input());
+  const auto drawn_for = Clock::now() - before_pictures;
+  pictures_time_ += drawn_for;
+  progress_.leave_out(drawn_for);
   phase_times_.lap(Phase::kRender);
   if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(common::kDone, "done");
 }
@@ -431,15 +436,11 @@ void Run::set_ending(int exit_status, std::string outcome, std::string title, st
 }
 
 void Run::finish() {
-  wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_).count();
+  wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_ - pictures_time_).count();
   frames_drawn_ = display_->frames_drawn();
   const double end_s = simulation_.snapshot().time_s;
   progress_.finish(end_s);
-  for (const Screenshot& screenshot : options_.screenshots)
-    if (screenshot.time_s && *screenshot.time_s > end_s + 1e-9)
-      progress_.print_message(fmt::format("{} shows the end at {:.4g} s: the run did not reach {:.4g} s",
-                                          screenshot.file, end_s, *screenshot.time_s));
-  media_.finish(frame_input());
+  if (!failed_to_start()) finish_pictures(end_s);
   final_summary_ = summary();
   const RunSummary& s = *final_summary_;
   for (const auto& recorder : recorders_)
@@ -451,6 +452,19 @@ void Run::finish() {
   if (!controller_process_ || controller_has_window()) return;
   controller_process_->wait_for_exit(2000ms);
   controller_process_.reset();
+}
+
+// A controller that refuses its program, for example, leaves nothing to show.
+bool Run::failed_to_start() const {
+  return simulation_.snapshot().tick == 0 && ending_->exit_status != common::kDone;
+}
+
+void Run::finish_pictures(double end_s) {
+  for (const Screenshot& screenshot : options_.screenshots)
+    if (screenshot.time_s && *screenshot.time_s > end_s + 1e-9)
+      progress_.print_message(fmt::format("{} shows the end at {:.4g} s: the run did not reach {:.4g} s",
+                                          screenshot.file, end_s, *screenshot.time_s));
+  media_.finish(frame_input());
 }
 
 // What success() said at any tick, else what stop() or the metric "success" says at the end.

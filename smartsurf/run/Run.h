@@ -107,6 +107,8 @@ class Run {
   void set_ending(int exit_status, std::string outcome, std::string title = "",
                   std::optional<bool> success = std::nullopt);
   void finish();
+  bool failed_to_start() const;
+  void finish_pictures(double end_s);
   void write_stats() const;
   std::optional<bool> success() const;  // nullopt: the script does not say
   RunSummary summary() const;
@@ -143,9 +145,10 @@ class Run {
   std::optional<std::uint64_t> end_tick_;
   std::optional<Ending> ending_;
   std::chrono::steady_clock::time_point start_time_{};
-  double wall_s_ = 0.0;
-  std::uint64_t frames_drawn_ = 0;           // until the end of the run
-  std::optional<RunSummary> final_summary_;  // with the counters of the link, which closes then
+  std::chrono::steady_clock::duration pictures_time_{};  // since then, for --screenshot and --video
+  double wall_s_ = 0.0;                                  // without that
+  std::uint64_t frames_drawn_ = 0;                       // until the end of the run
+  std::optional<RunSummary> final_summary_;              // with the counters of the link, which closes then
   bool announced_waiting_ = false;
   bool had_controller_ = false;
 };

@@ -56,7 +56,8 @@ class PhaseTimes {
 struct RunSummary {
   std::string experiment, mode, outcome;
   std::uint64_t seed = 0, ticks = 0, physics_steps = 0;
-  double simulated_s = 0.0, wall_s = 0.0;
+  double simulated_s = 0.0;
+  double wall_s = 0.0;  // without the time for pictures and videos
   std::size_t objects = 0, contacts = 0;
   std::uint64_t state_hash = 0;
   std::optional<bool> success;  // nullopt: the script does not say

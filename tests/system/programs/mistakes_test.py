@@ -360,6 +360,32 @@ on_finish(function() metric('left', left) end)""")
         self.assertIn(f"warning: {clamped} commands were outside", err)
         self.assertNotIn("NaN", err)
 
+    @needs_view
+    def test_speed_leaves_out_the_pictures(self):
+        self.write("table.lua", TABLE)
+        status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--ticks", "10", "--screenshot", "a.png@0.1",
+                                          "--quality", "high", "--picture-size", "400x300", "--stats", "s.json")
+        self.assertEqual(status, 0, err)
+        stats = json.loads((self.folder / "s.json").read_text())
+        self.assertLess(stats["wall_s"], 0.5 * stats["ms_per_tick"]["render"]["total_s"])
+        self.assertAlmostEqual(stats["real_time_factor"], stats["simulated_s"] / stats["wall_s"])
+        self.assertIn(f" s simulated in {stats['wall_s']:.1f} s ({stats['real_time_factor']:.3g}x real time)", err)
+
+    @needs_view
+    def test_no_picture_stays_of_a_program_that_is_refused(self):
+        self.write("table.lua", TABLE)
+        self.write("surface.aps", "!register(A)\nA = surface.sense('proximity')\n")
+        self.write("wrong.aps", "A = no_such_instruction(1)\n")
+        pictures = ["--screenshot", "a.png", "--screenshot", "b.png@7"]
+        run = [SMARTSURF, "run", "table.lua", "--until", "1", "--picture-size", "64x40", "--quality", "low", *pictures]
+        for command in ([APRON, "run", "--size", "8x8", *pictures[:2], "surface.aps"], [*run, "--controller", "wrong.aps"],
+                        [*run, "--controller", "exit 2"]):
+            with self.subTest(command=command):
+                status, _, err = self.run_program(*command)
+                self.assertEqual(status, 2, err)
+                self.assertNotIn("shows the end", err)
+                self.assertEqual(sorted(path.name for path in self.folder.iterdir() if "png" in path.name), [])
+
     def test_nan_commands_are_told_apart_from_clamped_ones(self):
         self.write("table.lua", "surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }")
         for value, nan, clamped in (("math.sqrt(-1 - cell.x)", 64, 0), ("1 / (0 * cell.x)", 0, 64),
