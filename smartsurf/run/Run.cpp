@@ -159,6 +159,7 @@ int Run::execute() {
 // The state before the first tick is frame 0, which the controller answers first and which is recorded first.
 void Run::start() {
   start_time_ = Clock::now();
+  warn_of_added_objects(simulation_.scene().objects.size());
   phase_times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
@@ -178,7 +179,9 @@ void Run::start() {
 // Runs the phases of one tick.
 bool Run::tick() {
   phase_times_.start();
+  const std::size_t known_objects = simulation_.catalogue().size();
   simulation_.run_script();
+  if (simulation_.catalogue().size() > known_objects) warn_of_added_objects(known_objects);
   phase_times_.lap(Phase::kActuate);
   if (link_) {
     if (!receive_targets()) return false;
@@ -195,6 +198,25 @@ bool Run::tick() {
   phase_times_.end_tick();
   apply_script_requests();
   return !ending_;
+}
+
+// Once for each kind of mistake, where the script has left the object.
+void Run::warn_of_added_objects(std::size_t first) {
+  if (options_.world_index.value_or(0) != 0) return;
+  const scene::PlacementCheck check(simulation_.scene().surface);
+  for (std::size_t i = first; i < simulation_.catalogue().size(); ++i) {
+    const auto id = static_cast<scene::ObjectId>(i);
+    const auto holds = [id](const scene::JointSpec& joint) { return joint.a == id || joint.b == id; };
+    if (!simulation_.is_alive(id) || std::ranges::any_of(simulation_.joints(), holds)) continue;
+    scene::ObjectSpec object = simulation_.catalogue()[i];
+    const script::ObjectState state = simulation_.state(id);
+    object.position = state.position;
+    object.velocity = state.velocity;
+    object.orientation = state.orientation;
+    const auto mistake = check(object, i);
+    if (!mistake || std::exchange(warned_of_[static_cast<std::size_t>(mistake->kind)], true)) continue;
+    progress_.print_message("warning: " + mistake->line);
+  }
 }
 
 bool Run::advance_physics() {

@@ -2,6 +2,7 @@
 // recordings and statistics.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -21,6 +22,7 @@
 #include "smartsurf/run/output/MediaWriter.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/output/Stats.h"
+#include "smartsurf/scene/UnlikelyPlacements.h"
 #include "smartsurf/simulation/Simulation.h"
 
 namespace smartsurf::run {
@@ -80,6 +82,7 @@ class Run {
   void end_without_name();
   bool continue_without_controller(shm_protocol::Status);
   bool advance_physics();
+  void warn_of_added_objects(std::size_t first);  // those of the catalogue from there on
   bool publish();
   void record_tick();
   void apply_script_requests();
@@ -149,6 +152,7 @@ class Run {
   double wall_s_ = 0.0;                                  // without that
   std::uint64_t frames_drawn_ = 0;                       // until the end of the run
   std::optional<RunSummary> final_summary_;              // with the counters of the link, which closes then
+  std::array<bool, scene::PlacementCheck::kKinds> warned_of_{};  // objects that the script adds
   bool announced_waiting_ = false;
   bool had_controller_ = false;
 };

@@ -84,6 +84,8 @@ class Simulation final : public script::SimulationInterface {
   void hash_when_asked() noexcept { hashes_when_asked_ = true; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
+  // Every joint ever created, index = id.
+  const std::vector<scene::JointSpec>& joints() const noexcept { return joints_; }
   // The load-bearing contacts of the last physics step. Allocates.
   std::vector<world::ContactPoint> contacts() const { return engine_->contacts(); }
   // The episode's nuisances, with the values drawn.

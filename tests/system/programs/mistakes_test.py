@@ -360,6 +360,29 @@ on_finish(function() metric('left', left) end)""")
         self.assertIn(f"warning: {clamped} commands were outside", err)
         self.assertNotIn("NaN", err)
 
+    def test_unlikely_objects_that_are_added_are_told_once(self):
+        self.write("table.lua", """
+            surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }
+            sphere { radius = 1, position = {4, 4, 0.3} }
+            on_tick(function(t, tick)
+              if tick == 2 or tick == 3 then
+                sphere { radius = 1, position = {2, 2, -9}, label = 'low' }
+                sphere { radius = 50, position = {2, 2, 60} }
+              elseif tick == 4 then
+                sphere { radius = 1, position = {2, 2, 5} }
+                sphere { radius = 1, position = {90, 2, 5}, velocity = {-9, 0, 0} }
+                object(sphere { radius = 1, position = {95, 2, 5} }):remove()
+              end
+            end)""")
+        partly = "smartsurf: warning: object 0 at (4, 4, 0.3) is 0.7 u deep inside the cells, whose tops are at z = 0 or higher"
+        status, _, err = self.run_program(SMARTSURF, "check", "table.lua")
+        self.assertEqual((status, err.splitlines()), (0, [partly]))
+        status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--until", "0.2")
+        self.assertEqual((status, [line for line in err.splitlines() if "warning" in line]), (0, [
+            partly,
+            "smartsurf: warning: object 1 'low' at (2, 2, -9) is below the cells, whose feet are at z = -2",
+            "smartsurf: warning: object 2 at (2, 2, 60) is larger than the table"]))
+
     @needs_view
     def test_speed_leaves_out_the_pictures(self):
         self.write("table.lua", TABLE)
