@@ -159,6 +159,7 @@ int Run::execute() {
 // The state before the first tick is frame 0, which the controller answers first and which is recorded first.
 void Run::start() {
   start_time_ = Clock::now();
+  warn_of_added_objects(simulation_.scene().objects.size());
   phase_times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
@@ -171,13 +172,16 @@ void Run::start() {
   record_tick();
   phase_times_ = {};
   start_time_ = Clock::now();
+  pictures_time_ = {};
   progress_.restart();
 }
 
 // Runs the phases of one tick.
 bool Run::tick() {
   phase_times_.start();
+  const std::size_t known_objects = simulation_.catalogue().size();
   simulation_.run_script();
+  if (simulation_.catalogue().size() > known_objects) warn_of_added_objects(known_objects);
   phase_times_.lap(Phase::kActuate);
   if (link_) {
     if (!receive_targets()) return false;
@@ -194,6 +198,25 @@ bool Run::tick() {
   phase_times_.end_tick();
   apply_script_requests();
   return !ending_;
+}
+
+// Once for each kind of mistake, where the script has left the object.
+void Run::warn_of_added_objects(std::size_t first) {
+  if (options_.world_index.value_or(0) != 0) return;
+  const scene::PlacementCheck check(simulation_.scene().surface);
+  for (std::size_t i = first; i < simulation_.catalogue().size(); ++i) {
+    const auto id = static_cast<scene::ObjectId>(i);
+    const auto holds = [id](const scene::JointSpec& joint) { return joint.a == id || joint.b == id; };
+    if (!simulation_.is_alive(id) || std::ranges::any_of(simulation_.joints(), holds)) continue;
+    scene::ObjectSpec object = simulation_.catalogue()[i];
+    const script::ObjectState state = simulation_.state(id);
+    object.position = state.position;
+    object.velocity = state.velocity;
+    object.orientation = state.orientation;
+    const auto mistake = check(object, i);
+    if (!mistake || std::exchange(warned_of_[static_cast<std::size_t>(mistake->kind)], true)) continue;
+    progress_.print_message("warning: " + mistake->line);
+  }
 }
 
 bool Run::advance_physics() {
@@ -378,7 +401,11 @@ void Run::record_tick() {
   phase_times_.lap(Phase::kRecord);
   if (observer_) observer_(simulation_);
   if (display_->has_window()) mark_events();
+  const auto before_pictures = Clock::now();
   media_.write_due(frame_input());
+  const auto drawn_for = Clock::now() - before_pictures;
+  pictures_time_ += drawn_for;
+  progress_.leave_out(drawn_for);
   phase_times_.lap(Phase::kRender);
   if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(common::kDone, "done");
 }
@@ -431,15 +458,11 @@ void Run::set_ending(int exit_status, std::string outcome, std::string title, st
 }
 
 void Run::finish() {
-  wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_).count();
+  wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_ - pictures_time_).count();
   frames_drawn_ = display_->frames_drawn();
   const double end_s = simulation_.snapshot().time_s;
   progress_.finish(end_s);
-  for (const Screenshot& screenshot : options_.screenshots)
-    if (screenshot.time_s && *screenshot.time_s > end_s + 1e-9)
-      progress_.print_message(fmt::format("{} shows the end at {:.4g} s: the run did not reach {:.4g} s",
-                                          screenshot.file, end_s, *screenshot.time_s));
-  media_.finish(frame_input());
+  if (!failed_to_start()) finish_pictures(end_s);
   final_summary_ = summary();
   const RunSummary& s = *final_summary_;
   for (const auto& recorder : recorders_)
@@ -451,6 +474,19 @@ void Run::finish() {
   if (!controller_process_ || controller_has_window()) return;
   controller_process_->wait_for_exit(2000ms);
   controller_process_.reset();
+}
+
+// A controller that refuses its program, for example, leaves nothing to show.
+bool Run::failed_to_start() const {
+  return simulation_.snapshot().tick == 0 && ending_->exit_status != common::kDone;
+}
+
+void Run::finish_pictures(double end_s) {
+  for (const Screenshot& screenshot : options_.screenshots)
+    if (screenshot.time_s && *screenshot.time_s > end_s + 1e-9)
+      progress_.print_message(fmt::format("{} shows the end at {:.4g} s: the run did not reach {:.4g} s",
+                                          screenshot.file, end_s, *screenshot.time_s));
+  media_.finish(frame_input());
 }
 
 // What success() said at any tick, else what stop() or the metric "success" says at the end.
@@ -494,6 +530,8 @@ RunSummary Run::summary() const {
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;
     s.actuator_values_clamped += link_->endpoint().counters().clamped;
   }
+  s.actuator_values_nan = simulation_.nan_targets();
+  s.actuator_values_clamped -= s.actuator_values_nan;
   return s;
 }
 
@@ -513,6 +551,9 @@ void Run::print_summary() {
     progress_.print_message(
         fmt::format("warning: {} commands were outside their channel's range and clamped to it",
                     s.actuator_values_clamped));
+  if (s.actuator_values_nan > 0)
+    progress_.print_message(fmt::format(
+        "warning: {} commands were NaN and replaced by their channel's safe value", s.actuator_values_nan));
   const std::vector<std::string> files = written_files();
   progress_.print_message(fmt::format("{}: {:.2f} s simulated in {:.1f} s ({:.3g}x real time){}{}",
                                       ending_->outcome, s.simulated_s, s.wall_s, s.real_time_factor(),

@@ -2,6 +2,7 @@
 // recordings and statistics.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -21,6 +22,7 @@
 #include "smartsurf/run/output/MediaWriter.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/output/Stats.h"
+#include "smartsurf/scene/UnlikelyPlacements.h"
 #include "smartsurf/simulation/Simulation.h"
 
 namespace smartsurf::run {
@@ -80,6 +82,7 @@ class Run {
   void end_without_name();
   bool continue_without_controller(shm_protocol::Status);
   bool advance_physics();
+  void warn_of_added_objects(std::size_t first);  // those of the catalogue from there on
   bool publish();
   void record_tick();
   void apply_script_requests();
@@ -107,6 +110,8 @@ class Run {
   void set_ending(int exit_status, std::string outcome, std::string title = "",
                   std::optional<bool> success = std::nullopt);
   void finish();
+  bool failed_to_start() const;
+  void finish_pictures(double end_s);
   void write_stats() const;
   std::optional<bool> success() const;  // nullopt: the script does not say
   RunSummary summary() const;
@@ -143,9 +148,11 @@ class Run {
   std::optional<std::uint64_t> end_tick_;
   std::optional<Ending> ending_;
   std::chrono::steady_clock::time_point start_time_{};
-  double wall_s_ = 0.0;
-  std::uint64_t frames_drawn_ = 0;           // until the end of the run
-  std::optional<RunSummary> final_summary_;  // with the counters of the link, which closes then
+  std::chrono::steady_clock::duration pictures_time_{};  // since then, for --screenshot and --video
+  double wall_s_ = 0.0;                                  // without that
+  std::uint64_t frames_drawn_ = 0;                       // until the end of the run
+  std::optional<RunSummary> final_summary_;              // with the counters of the link, which closes then
+  std::array<bool, scene::PlacementCheck::kKinds> warned_of_{};  // objects that the script adds
   bool announced_waiting_ = false;
   bool had_controller_ = false;
 };

@@ -7,16 +7,19 @@
 
 namespace smartsurf::run {
 
-std::string ShownRegisters::argument() const { return fmt::format("{}:{}", planes_.descriptor(), names_); }
+std::string ShownRegisters::argument() const {
+  return fmt::format("{}:{}{}{}", planes_.descriptor(), names_, drawn_.empty() ? "" : ":", drawn_);
+}
 
 std::vector<std::string> ShownRegisters::expected_names() const {
   std::vector<std::string> names;
   for (std::size_t begin = 0; begin <= names_.size();) {
     const std::size_t end = std::min(names_.find(',', begin), names_.size());
     std::string name = names_.substr(begin, end - begin);
-    if (name != "all") names.push_back(std::move(name));
+    if (!name.empty() && name != "all") names.push_back(std::move(name));
     begin = end + 1;
   }
+  if (!drawn_.empty() && std::ranges::find(names, drawn_) == names.end()) names.push_back(drawn_);
   return names;
 }
 

@@ -13,8 +13,8 @@ namespace smartsurf::run {
 
 class ShownRegisters {
  public:
-  // names: separated by commas; the first may be "all".
-  explicit ShownRegisters(std::string names) : names_(std::move(names)) {}
+  // names: to record, separated by commas; the first may be "all". drawn: that of --cells. One may be "".
+  ShownRegisters(std::string names, std::string drawn) : names_(std::move(names)), drawn_(std::move(drawn)) {}
 
   // The value of apron's --show-registers.
   std::string argument() const;
@@ -29,7 +29,7 @@ class ShownRegisters {
   std::span<const scene::ChannelData> values() const { return channels_; }
 
  private:
-  std::string names_;
+  std::string names_, drawn_;
   common::SharedPlanes planes_;
   std::vector<std::string> shown_names_;
   std::vector<float> values_;

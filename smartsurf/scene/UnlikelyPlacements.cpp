@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -92,15 +93,14 @@ double overlap_depth(const ObjectSpec& a, const Core& core_a, const ObjectSpec& 
   return least;
 }
 
-std::string name_of(const SceneSpec& scene, std::size_t i) {
-  const ObjectSpec& o = scene.objects[i];
+std::string name_of(const ObjectSpec& o, std::size_t i) {
   return fmt::format("object {}{} at ({:.4g}, {:.4g}, {:.4g})", i,
                      o.label.empty() ? "" : " '" + o.label + "'", o.position.x(), o.position.y(),
                      o.position.z());
 }
 
 // The first of several, and how many more.
-struct Mistake {
+struct Reported {
   std::string first;
   int others = 0;
 
@@ -115,8 +115,6 @@ struct Mistake {
     lines.push_back(others == 0 ? first : fmt::format("{}; and {} more", first, others));
   }
 };
-
-}  // namespace
 
 // z below which a point over the table is inside cells, if none is empty.
 double lowest_top(const SurfaceSpec& surface) {
@@ -134,43 +132,77 @@ bool is_in_border(const SurfaceSpec& surface, const Eigen::Vector3d& p) {
          surface.is_border(row, column);
 }
 
+// How far down what the object certainly contains reaches into cells with tops at that z or higher, u; 0 if
+// it is less than the allowed fraction, or if there may be no cell.
+double depth_in_cells(const SurfaceSpec& surface, const ObjectSpec& o, double top) {
+  const std::optional<Core> core = core_of(o);
+  if (!core) return 0.0;
+  const Eigen::Vector3d down = o.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+  const double depth = top - (o.position.z() - down.cwiseAbs().dot(core->half) - core->radius);
+  if (depth <= kAllowedDepth * core->smallest_edge()) return 0.0;
+  const auto holds = [&](const CellPose& cell) {
+    return std::hypot(cell.x - o.position.x(), cell.y - o.position.y()) < surface.pitch / 2;
+  };
+  const bool is_over_a_cell = surface.cell_poses.empty() || std::ranges::any_of(surface.cell_poses, holds);
+  return is_over_a_cell ? depth : 0.0;
+}
+
+}  // namespace
+
+PlacementCheck::PlacementCheck(const SurfaceSpec& surface)
+    : surface_(surface), bounds_(compute_surface_bounds(surface)), lowest_top_(lowest_top(surface)) {}
+
+std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSpec& o, std::size_t id) const {
+  const double diagonal = std::hypot(bounds_.width(), bounds_.height());
+  const double feet = surface_.pin.min_height - surface_.pin.length,
+               gap = surface_.pitch - std::max(surface_.pin.top_x, surface_.pin.top_y);
+  const bool solid = !surface_.has_empty_cells() && !surface_.skin;
+  if (o.fixed) return std::nullopt;
+  const Eigen::Vector3d& p = o.position;
+  const double dx = std::max({bounds_.west - p.x(), 0.0, p.x() - bounds_.east}),
+               dy = std::max({bounds_.south - p.y(), 0.0, p.y() - bounds_.north}),
+               off_table = std::hypot(dx, dy);
+  const auto mistake = [&](Kind kind, const std::string& what) {
+    return Mistake{kind, name_of(o, id) + " " + what};
+  };
+  if (o.half_extents().minCoeff() > diagonal) return mistake(Kind::kLarge, "is larger than the table");
+  if (off_table > o.half_extents().norm() && o.velocity.isZero())
+    return mistake(Kind::kBeside,
+                   fmt::format("is beside the table (x {:.4g} … {:.4g}, y {:.4g} … {:.4g}) and will fall",
+                               bounds_.west, bounds_.east, bounds_.south, bounds_.north));
+  if (p.z() < feet && off_table == 0)
+    return mistake(Kind::kBelow, fmt::format("is below the cells, whose feet are at z = {:.4g}", feet));
+  if (off_table == 0 && solid && o.velocity.isZero()) {
+    if (p.z() < lowest_top_)
+      return mistake(Kind::kAmong,
+                     fmt::format("is inside the cells, whose tops are at z = {:.4g} or higher", lowest_top_));
+    if (const double depth = depth_in_cells(surface_, o, lowest_top_); depth > 0)
+      return mistake(Kind::kAmong,
+                     fmt::format("is {:.4g} u deep inside the cells, whose tops are at z = {:.4g} or higher",
+                                 depth, lowest_top_));
+  }
+  if (is_in_border(surface_, p) && o.velocity.isZero())
+    return mistake(Kind::kWalled,
+                   fmt::format("is inside the border, which is {:.4g} u high", *surface_.border_height));
+  if (2 * o.half_extents().maxCoeff() < gap && solid)
+    return mistake(
+        Kind::kSmall,
+        fmt::format("is smaller than the gaps of {:.4g} u between the cells and may fall into one", gap));
+  return std::nullopt;
+}
+
 std::vector<std::string> unlikely_placements(const SceneSpec& scene) {
-  const SurfaceBounds bounds = compute_surface_bounds(scene.surface);
-  const double diagonal = std::hypot(bounds.width(), bounds.height());
-  const double feet = scene.surface.pin.min_height - scene.surface.pin.length,
-               top = lowest_top(scene.surface),
-               gap = scene.surface.pitch - std::max(scene.surface.pin.top_x, scene.surface.pin.top_y);
-  const bool solid = !scene.surface.has_empty_cells() && !scene.surface.skin;
   std::vector<bool> may_be_anywhere(scene.objects.size());
   for (const JointSpec& joint : scene.joints) {
     may_be_anywhere[joint.a] = true;
     if (joint.b) may_be_anywhere[*joint.b] = true;
   }
-  Mistake large, small, beside, below, among, walled, inside;
-  for (std::size_t i = 0; i < scene.objects.size(); ++i) {
-    const ObjectSpec& o = scene.objects[i];
-    if (o.fixed || may_be_anywhere[i]) continue;
-    const double radius = o.half_extents().norm();
-    const Eigen::Vector3d& p = o.position;
-    const double dx = std::max({bounds.west - p.x(), 0.0, p.x() - bounds.east}),
-                 dy = std::max({bounds.south - p.y(), 0.0, p.y() - bounds.north});
-    if (o.half_extents().minCoeff() > diagonal)
-      large.add(fmt::format("{} is larger than the table", name_of(scene, i)));
-    else if (std::hypot(dx, dy) > radius && o.velocity.isZero())
-      beside.add(fmt::format("{} is beside the table (x {:.4g} … {:.4g}, y {:.4g} … {:.4g}) and will fall",
-                             name_of(scene, i), bounds.west, bounds.east, bounds.south, bounds.north));
-    else if (p.z() < feet && std::hypot(dx, dy) == 0)
-      below.add(fmt::format("{} is below the cells, whose feet are at z = {:.4g}", name_of(scene, i), feet));
-    else if (p.z() < top && std::hypot(dx, dy) == 0 && solid && o.velocity.isZero())
-      among.add(fmt::format("{} is inside the cells, whose tops are at z = {:.4g} or higher",
-                            name_of(scene, i), top));
-    else if (is_in_border(scene.surface, p) && o.velocity.isZero())
-      walled.add(fmt::format("{} is inside the border, which is {:.4g} u high", name_of(scene, i),
-                             *scene.surface.border_height));
-    else if (2 * o.half_extents().maxCoeff() < gap && solid)
-      small.add(fmt::format("{} is smaller than the gaps of {:.4g} u between the cells and may fall into one",
-                            name_of(scene, i), gap));
-  }
+  std::array<Reported, PlacementCheck::kKinds> single;
+  Reported inside;
+  const PlacementCheck check(scene.surface);
+  for (std::size_t i = 0; i < scene.objects.size(); ++i)
+    if (const auto mistake = may_be_anywhere[i] ? std::nullopt : check(scene.objects[i], i))
+      single[static_cast<std::size_t>(mistake->kind)].add(mistake->line);
   // Sweep along x over the objects' extents.
   std::vector<std::size_t> order(scene.objects.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -201,10 +233,12 @@ std::vector<std::string> unlikely_placements(const SceneSpec& scene) {
   }
   std::ranges::sort(overlaps);
   for (const auto& [i, j] : overlaps)
-    inside.add(fmt::format("{} is inside object {}{}: they will be thrown apart", name_of(scene, i), j,
+    inside.add(fmt::format("{} is inside object {}{}: they will be thrown apart",
+                           name_of(scene.objects[i], i), j,
                            scene.objects[j].label.empty() ? "" : " '" + scene.objects[j].label + "'"));
   std::vector<std::string> lines;
-  for (const Mistake& mistake : {large, small, beside, below, among, walled, inside}) mistake.report(lines);
+  for (const Reported& reported : single) reported.report(lines);
+  inside.report(lines);
   return lines;
 }
 

@@ -84,6 +84,8 @@ class Simulation final : public script::SimulationInterface {
   void hash_when_asked() noexcept { hashes_when_asked_ = true; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
+  // Every joint ever created, index = id.
+  const std::vector<scene::JointSpec>& joints() const noexcept { return joints_; }
   // The load-bearing contacts of the last physics step. Allocates.
   std::vector<world::ContactPoint> contacts() const { return engine_->contacts(); }
   // The episode's nuisances, with the values drawn.
@@ -91,6 +93,8 @@ class Simulation final : public script::SimulationInterface {
   const DepartureTracker& departures() const noexcept { return departures_; }
   // How many of the script's targets were outside their channel's range, or NaN, and replaced.
   std::uint64_t clamped_targets() const noexcept { return clamped_targets_; }
+  // How many targets were NaN, whatever set them.
+  std::uint64_t nan_targets() const noexcept { return actuator_array_.nan_targets(); }
   std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;

@@ -209,12 +209,13 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   const auto runs = std::span(commands.runs)
                         .subspan(static_cast<std::size_t>(first_run - commands.runs.begin()),
                                  static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, end_run - first_run)));
-  std::atomic<std::uint64_t> replaced = 0;
+  std::atomic<std::uint64_t> replaced = 0, nan = 0;
   const auto clamp_runs = [&](int begin, int end) {
-    const std::uint64_t count =
+    const ReplacedCommands count =
         clamp_commands(runs.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)),
                        {first_cell, end_cell}, targets.data(), low, high, safe, commands.values.data());
-    replaced.fetch_add(count, std::memory_order_relaxed);
+    replaced.fetch_add(count.clamped + count.nan, std::memory_order_relaxed);
+    nan.fetch_add(count.nan, std::memory_order_relaxed);
   };
   const int count = static_cast<int>(runs.size());
   if (pool_ != nullptr)
@@ -222,6 +223,7 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   else
     clamp_runs(0, count);
   commands.dirty = true;
+  nan_targets_ += nan;
   return replaced;
 }
 

@@ -46,6 +46,8 @@ class ActuatorArray {
   // without this channel keep their values. Precondition: first_cell + targets.size() ≤ number of cells.
   std::uint64_t set_targets(int channel, std::span<const float> targets, int first_cell = 0) noexcept;
   std::uint64_t set_target(int channel, int row, int column, float target) noexcept;
+  // How many of the commands so far were NaN.
+  std::uint64_t nan_targets() const noexcept { return nan_targets_; }
 
   // Call once per control period, before its first plan(): advances the delay lines of delayed commands.
   void begin_tick() noexcept;
@@ -107,6 +109,7 @@ class ActuatorArray {
     std::unique_ptr<Actuator> actuator;
   };
   std::vector<Model> models_;
+  std::uint64_t nan_targets_ = 0;
   bool all_pins_ = true, exerts_forces_ = false, has_joints_ = false;  // all models; any of them
   std::unique_ptr<ActuatorFaults> faults_;
   std::vector<CommandRoute> routes_;

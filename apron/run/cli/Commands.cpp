@@ -195,7 +195,8 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
   common::end_of_inputs();
   std::optional<RegisterView> shown;
   if (options.shown_descriptor >= 0)
-    shown.emplace(options.shown_descriptor, options.shown_registers, program, width, height);
+    shown.emplace(options.shown_descriptor, options.shown_registers, options.drawn_register, program, width,
+                  height);
   RegisterView* const shown_registers = shown ? &*shown : nullptr;
   return with_host([&](LocalHost& host, const UiSurface& ui) {
     if (const std::string error =

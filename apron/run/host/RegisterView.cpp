@@ -26,27 +26,18 @@ std::vector<std::string> split_names(const std::string& text) {
 
 }  // namespace
 
-RegisterView::RegisterView(int descriptor, const std::string& names, const program::Program& program,
-                           std::uint32_t width, std::uint32_t height)
+RegisterView::RegisterView(int descriptor, const std::string& names, const std::string& drawn,
+                           const program::Program& program, std::uint32_t width, std::uint32_t height)
     : descriptor_(descriptor), width_(width), height_(height) {
-  const auto fits = [&](const program::Register& reg) { return reg.width == width && reg.height == height; };
-  for (const std::string& name : split_names(names)) {
+  for (const std::string& name : names.empty() ? std::vector<std::string>() : split_names(names)) {
     if (name == "all") {
       for (const program::Register& reg : program.registers)
-        if (is_named(reg) && fits(reg)) names_.push_back(reg.name);
-      continue;
+        if (is_named(reg) && reg.width == width && reg.height == height) names_.push_back(reg.name);
+    } else {
+      add("--record-registers", name, program);
     }
-    const auto index = program::find_register(program, name);
-    if (!index)
-      throw common::UserError("--record-registers: the program has no register " +
-                              program::unknown_register(program, name));
-    const program::Register& reg = program.registers[*index];
-    if (!fits(reg))
-      throw common::UserError(fmt::format(
-          "--record-registers: register '{}' is {}x{}; one of the surface's size, {}x{}, can be recorded",
-          name, reg.width, reg.height, width, height));
-    if (std::ranges::find(names_, reg.name) == names_.end()) names_.push_back(reg.name);
   }
+  if (!drawn.empty()) add("--cells apron:" + drawn, drawn, program);
   if (names_.size() > common::SharedPlanes::kMaxPlanes)
     throw common::UserError(
         fmt::format("--record-registers: the program has {} registers; at most {} can be recorded",
@@ -58,6 +49,19 @@ RegisterView::RegisterView(int descriptor, const std::string& names, const progr
   values_.resize(std::size_t{width} * height);
   if (!common::SharedPlanes::describe(descriptor_, {names_, height, width}))
     throw common::UserError("--show-registers: the descriptor cannot be written");
+}
+
+void RegisterView::add(const std::string& option, const std::string& name, const program::Program& program) {
+  const auto index = program::find_register(program, name);
+  if (!index)
+    throw common::UserError(option + ": the program has no register " +
+                            program::unknown_register(program, name));
+  const program::Register& reg = program.registers[*index];
+  if (reg.width != width_ || reg.height != height_)
+    throw common::UserError(
+        fmt::format("{}: register '{}' is {}x{}; one of the surface's size, {}x{}, can be shown", option,
+                    name, reg.width, reg.height, width_, height_));
+  if (std::ranges::find(names_, reg.name) == names_.end()) names_.push_back(reg.name);
 }
 
 void RegisterView::write(const vm::Vm& vm) {

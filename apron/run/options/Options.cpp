@@ -143,9 +143,11 @@ void parse_shown_registers(RawOptions& raw) {
   int& descriptor = raw.options.shown_descriptor;
   if (!common::parse_number(std::string_view(text).substr(0, colon), descriptor) || descriptor < 0 ||
       colon + 1 >= text.size())
-    refuse("--show-registers", "'{}' is not DESCRIPTOR:NAMES; smartsurf run --record-registers passes it",
-           text);
-  raw.options.shown_registers = text.substr(colon + 1);
+    refuse("--show-registers",
+           "'{}' is not DESCRIPTOR:NAMES[:DRAWN]; smartsurf run --record-registers passes it", text);
+  const std::size_t second = std::min(text.find(':', colon + 1), text.size());
+  raw.options.shown_registers = text.substr(colon + 1, second - colon - 1);
+  if (second < text.size()) raw.options.drawn_register = text.substr(second + 1);
 }
 
 void parse_keys(RawOptions& raw) {

@@ -68,6 +68,7 @@ struct Options {
   // --show-registers: names for the simulator that started this process, and where it reads them; −1:
   // nowhere.
   std::string shown_registers;
+  std::string drawn_register;  // by the simulator's --cells, or ""
   int shown_descriptor = -1;
 
   FrameRate frame_rate;                      // without a surface

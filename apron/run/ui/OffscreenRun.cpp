@@ -101,7 +101,8 @@ void run_offscreen(UiRunContext& context) {
     session.advance();
     if (session.ticks() != previous_ticks) recorder.capture_due();
   }
-  recorder.capture_final();
+  // A program that was refused, as one that needs a surface and has none, leaves no picture.
+  if (session.active() || session.status() != vm::Status::kRefused) recorder.capture_final();
 }
 
 }  // namespace apron::run

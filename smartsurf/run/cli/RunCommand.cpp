@@ -32,6 +32,7 @@ namespace {
 // The flags of `run` as given on the command line, before validation.
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video, record_registers;
+  bool records_registers = false;  // --record-registers was given
   bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false,
        help = false, allow_extensions = false;
   std::vector<std::string> set, vary, controller_set, record, screenshot;
@@ -107,6 +108,7 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
       ->allow_extra_args(false);
   app.add_option("--record-registers", flags.record_registers,
                  "With --record FILE.h5: also these registers of the APRON program, such as A,B, or all")
+      ->each([&flags](const std::string&) { flags.records_registers = true; })
       ->type_name("NAMES");
   app.add_option("--stats", flags.stats, "Write statistics of the run as JSON (-: to standard output)")
       ->type_name("FILE.json");
@@ -147,12 +149,15 @@ script::Experiment load_silently(const RunFlags& flags) {
   return script::Experiment::load(flags.experiment, options);
 }
 
-// The registers that a run records or draws: those of --record-registers and that of --cells apron:NAME.
-std::string shown_registers(const RunFlags& flags) {
+// The registers that a run records or draws: those of --record-registers and that of --cells apron:NAME. Null
+// for none.
+std::shared_ptr<ShownRegisters> shown_registers(const RunFlags& flags) {
   constexpr std::string_view kPrefix = view::kRegisterPrefix;
   const bool draws = flags.render.cells.starts_with(kPrefix);
   const char* const flag = draws ? "--cells apron:NAME" : "--record-registers";
-  if (!draws && flags.record_registers.empty()) return "";
+  if (flags.records_registers && flags.record_registers.empty())
+    throw scene::InputError("--record-registers: names no register, such as A,B, or all");
+  if (!draws && !flags.records_registers) return nullptr;
   if (!is_apron_program(flags.controller))
     throw scene::InputError(
         fmt::format("{}: needs --controller PROGRAM.aps, whose registers it shows", flag));
@@ -160,12 +165,12 @@ std::string shown_registers(const RunFlags& flags) {
     throw scene::InputError(
         fmt::format("{}: needs --mode time-step, in which the table waits for the program", flag));
   if (flags.worlds > 0) throw scene::InputError(fmt::format("{}: cannot be combined with --worlds", flag));
-  if (!flags.record_registers.empty() &&
+  if (flags.records_registers &&
       std::ranges::none_of(flags.record, [](const auto& file) { return !file.ends_with(".csv"); }))
     throw scene::InputError("--record-registers: needs --record FILE.h5, in which they are recorded");
   const std::string drawn = draws ? flags.render.cells.substr(kPrefix.size()) : "";
-  if (drawn.empty()) return flags.record_registers;
-  return flags.record_registers.empty() ? drawn : flags.record_registers + "," + drawn;
+  if (drawn.empty() && !flags.records_registers) return nullptr;
+  return std::make_shared<ShownRegisters>(flags.record_registers, drawn);
 }
 
 // A command of the shell would otherwise be "not found".
@@ -225,8 +230,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.shm = flags.shm;
   options.controller = flags.controller;
   options.controller_overrides = flags.controller_set;
-  if (const std::string names = shown_registers(flags); !names.empty())
-    options.registers = std::make_shared<ShownRegisters>(names);
+  options.registers = shown_registers(flags);
   options.no_controller = flags.no_controller;
   options.seed = flags.seed;
   options.engine = flags.engine;

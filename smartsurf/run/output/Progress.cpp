@@ -26,7 +26,10 @@ Progress::Progress(std::string label)
       start_time_(Clock::now()),
       next_update_(start_time_) {}
 
-void Progress::restart() { start_time_ = Clock::now(); }
+void Progress::restart() {
+  start_time_ = Clock::now();
+  left_out_ = {};
+}
 
 void Progress::update(double simulated_s, std::optional<double> until_s) {
   if (!is_terminal_) return;
@@ -42,11 +45,15 @@ void Progress::finish(double simulated_s) {
 
 void Progress::print_line(double simulated_s, std::optional<double> until_s, const char* line_end) {
   line_visible_ = true;
-  const double wall_s = std::chrono::duration<double>(Clock::now() - start_time_).count();
-  const double real_time_factor = simulated_s / std::max(1e-9, wall_s);
+  const auto seconds = [](Clock::duration time) {
+    return std::max(1e-9, std::chrono::duration<double>(time).count());
+  };
+  const Clock::duration passed = Clock::now() - start_time_;
+  const double real_time_factor = simulated_s / seconds(passed - left_out_);
   std::string remaining;
-  if (until_s && real_time_factor > 0.0)
-    remaining = fmt::format("   at most {:.0f} s left", (*until_s - simulated_s) / real_time_factor);
+  if (until_s && simulated_s > 0.0)
+    remaining =
+        fmt::format("   at most {:.0f} s left", (*until_s - simulated_s) / simulated_s * seconds(passed));
   show(fmt::format("\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated_s, real_time_factor,
                    remaining, line_end));
 }

@@ -19,6 +19,8 @@ class Progress {
   // Clears the line and prints a message on stderr.
   void print_message(const std::string& message);
   void restart();  // the real-time factor counts from now
+  // Time that does not count for the real-time factor, but for the time left.
+  void leave_out(std::chrono::steady_clock::duration time) { left_out_ += time; }
 
  private:
   void print_line(double simulated_s, std::optional<double> until_s, const char* line_end);
@@ -26,6 +28,7 @@ class Progress {
   std::string label_;
   bool is_terminal_, line_visible_ = false;
   std::chrono::steady_clock::time_point start_time_, next_update_;
+  std::chrono::steady_clock::duration left_out_{};
 };
 
 }  // namespace smartsurf::run

@@ -75,6 +75,7 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"sensor_frames_skipped", run.sensor_frames_skipped},
                     {"actuator_frames_repeated", run.actuator_frames_repeated},
                     {"actuator_values_clamped", run.actuator_values_clamped},
+                    {"actuator_values_nan", run.actuator_values_nan},
                     {"metrics", metrics}};
   for (const auto& [name, value] : run.varied) json["varied"][name] = value;
   // Earlier versions wrote these names for every experiment.

@@ -56,12 +56,14 @@ class PhaseTimes {
 struct RunSummary {
   std::string experiment, mode, outcome;
   std::uint64_t seed = 0, ticks = 0, physics_steps = 0;
-  double simulated_s = 0.0, wall_s = 0.0;
+  double simulated_s = 0.0;
+  double wall_s = 0.0;  // without the time for pictures and videos
   std::size_t objects = 0, contacts = 0;
   std::uint64_t state_hash = 0;
   std::optional<bool> success;  // nullopt: the script does not say
   std::optional<double> success_s;
-  std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
+  std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0;
+  std::uint64_t actuator_values_clamped = 0, actuator_values_nan = 0;
   std::vector<std::pair<std::string, double>> metrics;  // from the script's metric()
   std::vector<std::pair<std::string, double>> varied;   // the episode's nuisances
   std::size_t off_surface = 0;                          // objects not over the surface at the end

@@ -42,9 +42,13 @@ void require_times(const record::Recording& recording, const std::vector<Screens
 void require_cell_channel(const record::Recording& recording, const RecordedFrames& frames,
                           const std::string& channel) {
   if (channel.empty()) return;
-  const bool has_sensors = !recording.channel_names("sensors").empty();
-  require_channel("--cells", channel, frames.channels(),
-                  has_sensors ? "" : "the recording has no sensors, which record { sensors = true } keeps");
+  std::string hint;
+  if (channel.starts_with(view::kRegisterPrefix))
+    hint = fmt::format("the recording has no such register, which run --record-registers {} keeps",
+                       channel.substr(std::string_view(view::kRegisterPrefix).size()));
+  else if (recording.channel_names("sensors").empty())
+    hint = "the recording has no sensors, which record { sensors = true } keeps";
+  require_channel("--cells", channel, frames.channels(), hint);
 }
 
 view::Status make_view_status(const record::Recording& recording, const RecordedFrames& frames,

@@ -59,25 +59,27 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
   return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);
 }
 
-std::size_t clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low,
-                                      float high, float safe, float* all_commands) {
-  std::size_t replaced = 0;
+ReplacedCommands clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low,
+                                           float high, float safe, float* all_commands) {
+  ReplacedCommands replaced;
   for (const CellRun& run : runs) {
     const CellRun cells = common_cells(run, within);
     const std::size_t n = length_of(cells);
     float* const commands = all_commands + cells.begin;
     replaced += with_vectors_for(n, [=](auto d) HWY_ATTR {
-      std::size_t kept = 0;
+      std::size_t kept = 0, numbers = 0;
       for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
         const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low),
                    maximum = hn::Set(d, high);
         const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
         const auto in_range = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
-        const auto result = hn::IfThenElse(hn::Eq(command, command), in_range, hn::Set(d, safe));
+        const auto is_number = hn::Eq(command, command);
+        const auto result = hn::IfThenElse(is_number, in_range, hn::Set(d, safe));
+        numbers += hn::CountTrue(d, hn::AndNot(done, is_number));
         kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
         hn::StoreU(result, d, commands + i);
       });
-      return n - kept;
+      return ReplacedCommands{numbers - kept, n - numbers};
     });
   }
   return replaced;
@@ -153,10 +155,10 @@ HWY_EXPORT(update_targets_for_target);
 HWY_EXPORT(plan_speeds_for_target);
 HWY_EXPORT(advance_pins_for_target);
 
-std::size_t clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands,
-                           float low, float high, float safe, float* clamped) noexcept {
+ReplacedCommands clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands,
+                                float low, float high, float safe, float* clamped) noexcept {
   constexpr std::size_t kBlock = 1024;  // about as many cells stay in the L1 cache between the two passes
-  std::size_t replaced = 0;
+  ReplacedCommands replaced;
   for (std::size_t first = 0, end = 0; first < runs.size(); first = end) {
     for (std::size_t count = 0; end < runs.size() && count < kBlock; ++end) {
       const CellRun cells = common_cells(runs[end], within);

@@ -13,11 +13,20 @@
 
 namespace smartsurf::surface {
 
+// How many commands were replaced: as beyond the range, infinite ones included, and as NaN.
+struct ReplacedCommands {
+  std::size_t clamped = 0, nan = 0;
+  ReplacedCommands& operator+=(const ReplacedCommands& other) {
+    clamped += other.clamped, nan += other.nan;
+    return *this;
+  }
+};
+
 // Copies the commands of the cells of the runs that are `within`, clamped to [low, high], with NaN replaced
-// by `safe`. commands: of the cells within.begin to within.end − 1. Returns the number of values changed.
+// by `safe`. commands: of the cells within.begin to within.end − 1.
 // `commands` may be memory that another process writes: each value is copied before it is checked.
-std::size_t clamp_commands(std::span<const CellRun>, const CellRun& within, const float* commands, float low,
-                           float high, float safe, float* clamped) noexcept;
+ReplacedCommands clamp_commands(std::span<const CellRun>, const CellRun& within, const float* commands,
+                                float low, float high, float safe, float* clamped) noexcept;
 
 // Sets target = base + command for the cells of the runs. Returns whether any target changed.
 bool update_targets(std::span<const CellRun>, const float* base, const float* commands,

@@ -358,6 +358,72 @@ on_finish(function() metric('left', left) end)""")
         clamped = json.loads((self.folder / "s.json").read_text())["actuator_values_clamped"]
         self.assertGreaterEqual(clamped, 2 * 64)
         self.assertIn(f"warning: {clamped} commands were outside", err)
+        self.assertNotIn("NaN", err)
+
+    def test_unlikely_objects_that_are_added_are_told_once(self):
+        self.write("table.lua", """
+            surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }
+            sphere { radius = 1, position = {4, 4, 0.3} }
+            on_tick(function(t, tick)
+              if tick == 2 or tick == 3 then
+                sphere { radius = 1, position = {2, 2, -9}, label = 'low' }
+                sphere { radius = 50, position = {2, 2, 60} }
+              elseif tick == 4 then
+                sphere { radius = 1, position = {2, 2, 5} }
+                sphere { radius = 1, position = {90, 2, 5}, velocity = {-9, 0, 0} }
+                object(sphere { radius = 1, position = {95, 2, 5} }):remove()
+              end
+            end)""")
+        partly = "smartsurf: warning: object 0 at (4, 4, 0.3) is 0.7 u deep inside the cells, whose tops are at z = 0 or higher"
+        status, _, err = self.run_program(SMARTSURF, "check", "table.lua")
+        self.assertEqual((status, err.splitlines()), (0, [partly]))
+        status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--until", "0.2")
+        self.assertEqual((status, [line for line in err.splitlines() if "warning" in line]), (0, [
+            partly,
+            "smartsurf: warning: object 1 'low' at (2, 2, -9) is below the cells, whose feet are at z = -2",
+            "smartsurf: warning: object 2 at (2, 2, 60) is larger than the table"]))
+
+    @needs_view
+    def test_speed_leaves_out_the_pictures(self):
+        self.write("table.lua", TABLE)
+        status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--ticks", "10", "--screenshot", "a.png@0.1",
+                                          "--quality", "high", "--picture-size", "400x300", "--stats", "s.json")
+        self.assertEqual(status, 0, err)
+        stats = json.loads((self.folder / "s.json").read_text())
+        self.assertLess(stats["wall_s"], 0.5 * stats["ms_per_tick"]["render"]["total_s"])
+        self.assertAlmostEqual(stats["real_time_factor"], stats["simulated_s"] / stats["wall_s"])
+        self.assertIn(f" s simulated in {stats['wall_s']:.1f} s ({stats['real_time_factor']:.3g}x real time)", err)
+
+    @needs_view
+    def test_no_picture_stays_of_a_program_that_is_refused(self):
+        self.write("table.lua", TABLE)
+        self.write("surface.aps", "!register(A)\nA = surface.sense('proximity')\n")
+        self.write("wrong.aps", "A = no_such_instruction(1)\n")
+        pictures = ["--screenshot", "a.png", "--screenshot", "b.png@7"]
+        run = [SMARTSURF, "run", "table.lua", "--until", "1", "--picture-size", "64x40", "--quality", "low", *pictures]
+        for command in ([APRON, "run", "--size", "8x8", *pictures[:2], "surface.aps"], [*run, "--controller", "wrong.aps"],
+                        [*run, "--controller", "exit 2"]):
+            with self.subTest(command=command):
+                status, _, err = self.run_program(*command)
+                self.assertEqual(status, 2, err)
+                self.assertNotIn("shows the end", err)
+                self.assertEqual(sorted(path.name for path in self.folder.iterdir() if "png" in path.name), [])
+
+    def test_nan_commands_are_told_apart_from_clamped_ones(self):
+        self.write("table.lua", "surface { rows = 8, columns = 8, actuator = pin { range = {0, 2} } }")
+        for value, nan, clamped in (("math.sqrt(-1 - cell.x)", 64, 0), ("1 / (0 * cell.x)", 0, 64),
+                                    ("math.sqrt(cell.x - 3.5) + 9", 32, 32)):
+            self.write("up.aps", f"!register(UP)\nUP = {value}\nwhile(1)\n  surface.actuate('height', UP)\n  surface.step\nendwhile\n")
+            status, _, err = self.run_program(SMARTSURF, "run", "table.lua", "--controller", "up.aps", "--ticks", "3",
+                                              "--stats", "s.json")
+            self.assertEqual(status, 0, err)
+            stats = json.loads((self.folder / "s.json").read_text())
+            with self.subTest(value=value):
+                for count, key, said in ((nan, "nan", "commands were NaN and replaced by their channel's safe value"),
+                                         (clamped, "clamped", "commands were outside their channel's range and clamped to it")):
+                    found = stats[f"actuator_values_{key}"]
+                    self.assertIn(found, (3 * count, 4 * count))  # the last answer may come too late
+                    self.assertEqual(f"warning: {found} {said}" in err, count > 0, err)
 
     def test_shipped_experiments_are_told_nothing(self):
         for folder in ("case-study", "tasks", "examples"):

@@ -96,6 +96,29 @@ class Registers(ProgramTest):
         status, _, err = self.run_program(*controlled, "--record", "x.h5", "--record-registers", "HH")
         self.assertEqual(status, 2, err)
         self.assertIn("--record-registers: the program has no register 'HH'", err)
+        status, _, err = self.run_program(*controlled, "--record", "x.h5", "--record-registers", "")
+        self.assertEqual((status, err), (2, "smartsurf: --record-registers: names no register, such as A,B, or all\n"))
+
+    @needs_view
+    def test_messages_name_the_option_that_was_given(self):
+        scene = self.write("scene.lua", SCENE.format(rows=5, columns=5, every=1, x=2, y=2))
+        program = self.write("program.aps", PROGRAM.format(a=1, b=1, c=1))
+        run = [SMARTSURF, "run", scene, "--ticks", "3", "--shm", self.shm, "--controller", program]
+        recorded = ["--record", "x.h5", "--record-registers"]
+        draw = ["--screenshot", "x.png", "--picture-size", "64x40", "--quality", "low", "--cells"]
+        drawn = "--cells apron:SIZ: the program has no register 'SIZ'"
+        for flags, expected in (([*draw, "apron:SIZ"], drawn), ([*draw, "apron:SIZ", *recorded, "H"], drawn),
+                                ([*draw, "apron:H", *recorded, "SIZ"], "--record-registers: the program has no register 'SIZ'")):
+            with self.subTest(flags=flags):
+                status, _, err = self.run_program(*run, *flags)
+                self.assertEqual(status, 2, err)
+                self.assertIn(expected, err)
+        status, _, err = self.run_program(*run, *recorded, "H")
+        self.assertEqual(status, 0, err)
+        status, _, err = self.run_program(SMARTSURF, "replay", "x.h5", *draw, "apron:COUNT")
+        self.assertEqual((status, err.count("\n")), (2, 1), err)
+        self.assertIn("--record-registers COUNT keeps", err)
+        self.assertNotIn("record { sensors", err)
 
     @needs_view
     def test_painted_cells_are_those_of_the_replay(self):

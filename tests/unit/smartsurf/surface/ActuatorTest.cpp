@@ -404,6 +404,7 @@ TEST(ActuatorArray, ClampsCommandsAndReplacesNanWithSafeValue) {
   EXPECT_EQ(cells.array.targets(0)[0], 3.0F);
   EXPECT_EQ(cells.array.targets(0)[1], 2.0F);
   EXPECT_EQ(cells.array.set_targets(0, std::vector<float>{std::nanf(""), -1.0F}), 2U);
+  EXPECT_EQ(cells.array.nan_targets(), 1U);
   EXPECT_EQ(cells.array.targets(0)[0], safe);
   EXPECT_EQ(cells.array.targets(0)[1], 1.0F);
 }

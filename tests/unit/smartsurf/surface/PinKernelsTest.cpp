@@ -110,13 +110,18 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
       std::vector<float> clamped(n, 1.25F), expected(n);
       p.command[n / 2] = std::numeric_limits<float>::quiet_NaN();
       p.command[n / 3] = std::numeric_limits<float>::infinity();
-      std::size_t replaced = 0;
+      std::size_t changed = 0;
       for (std::size_t i = 0; i < n; ++i) {
         expected[i] = std::isnan(p.command[i]) ? 0.75F : std::clamp(p.command[i], 0.5F, 2.0F);
-        replaced += expected[i] != p.command[i];
+        changed += expected[i] != p.command[i];
       }
-      ASSERT_EQ(clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data()), replaced)
-          << n;
+      const ReplacedCommands replaced =
+          clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data());
+      const auto nan = static_cast<std::size_t>(
+          std::ranges::count_if(p.command, [](float command) { return std::isnan(command); }));
+      ASSERT_GT(changed, 0U) << n;
+      ASSERT_EQ(replaced.nan, nan) << n;
+      ASSERT_EQ(replaced.clamped, changed - nan) << n;
       ASSERT_EQ(clamped, expected) << n;
     }
   });
@@ -155,7 +160,8 @@ TEST(PinKernels, RunsOfCells) {
           targets[k] = p.base[k] + expected[k];
         }
       ASSERT_EQ(clamp_commands(hit, within, &p.command[static_cast<std::size_t>(first)], 0.5F, 2.0F, 0.75F,
-                               clamped.data()),
+                               clamped.data())
+                    .clamped,
                 replaced);
       ASSERT_TRUE(same_bits(clamped, expected));
       ASSERT_EQ(update_targets(runs, p.base.data(), clamped.data(), p.target.data()), changed);
