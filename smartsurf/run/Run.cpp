@@ -531,7 +531,8 @@ RunSummary Run::summary() const {
     s.actuator_values_clamped += link_->endpoint().counters().clamped;
   }
   s.actuator_values_nan = simulation_.nan_targets();
-  s.actuator_values_clamped -= s.actuator_values_nan;
+  // The link's counter lies in memory that another process may have written.
+  s.actuator_values_clamped -= std::min(s.actuator_values_clamped, s.actuator_values_nan);
   return s;
 }
 
