@@ -144,6 +144,8 @@ function start() {
   state.ended = false;
   state.hash = null;
   const program = byId('program').value.trim() ? one.program ?? one.experiment.replace(/[.]lua$/, '.aps') : '';
+  byId('program-name').textContent = program || 'no program';
+  state.time = 0;
   const given = { experiment: one.experiment, program, seed: byId('seed').value.trim(),
     files: { [one.experiment]: byId('script').value, ...(program ? { [program]: byId('program').value } : {}) } };
   if (state.ready) send('start', given); else waiting = given;
@@ -153,7 +155,6 @@ function choose() {
   byId('script').value = files[one.experiment];
   byId('program').value = one.program ? files[one.program] : '';
   byId('script-name').textContent = one.experiment;
-  byId('program-name').textContent = one.program ?? 'no program';
   byId('seed').value = one.seed;
   setRunning(true);
   start();

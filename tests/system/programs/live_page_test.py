@@ -82,8 +82,11 @@ class LivePage(ProgramTest):
             line = browser.value("live.errors[0]")
             self.assertTrue(line.startswith("scripts/tasks/magnets.lua"), line)
             self.assertIn(line.removeprefix("scripts/tasks/"), err)
+            self.assertEqual(browser.value("document.getElementById('program-name').textContent"), "no program")
+            self.assertLess(browser.value("live.time"), 0.1, "the clock of the run before")
         self.run_texts(browser, plate, "!register(A)\nA = ;\n")
         self.wait_for(lambda: browser.value("live.errors.length === 1"), "the program's error is shown")
+        self.assertEqual(browser.value("document.getElementById('program-name').textContent"), "scripts/tasks/magnets.aps")
         self.assertRegex(browser.value("live.errors[0]"), r"^scripts/tasks/magnets.aps:\d+:\d+: error: ")
 
 
