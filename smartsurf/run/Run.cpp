@@ -530,9 +530,8 @@ RunSummary Run::summary() const {
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;
     s.actuator_values_clamped += link_->endpoint().counters().clamped;
   }
-  s.actuator_values_nan = simulation_.nan_targets();
   // The link's counter lies in memory that another process may have written.
-  s.actuator_values_clamped -= std::min(s.actuator_values_clamped, s.actuator_values_nan);
+  s.actuator_values_nan = std::min(simulation_.nan_targets(), s.actuator_values_clamped);
   return s;
 }
 
@@ -548,10 +547,9 @@ std::vector<std::string> Run::written_files() const {
 void Run::print_summary() {
   if (!options_.summary || ending_->exit_status != common::kDone) return;
   const RunSummary s = summary();
-  if (s.actuator_values_clamped > 0)
+  if (const std::uint64_t beyond = s.actuator_values_clamped - s.actuator_values_nan; beyond > 0)
     progress_.print_message(
-        fmt::format("warning: {} commands were outside their channel's range and clamped to it",
-                    s.actuator_values_clamped));
+        fmt::format("warning: {} commands were outside their channel's range and clamped to it", beyond));
   if (s.actuator_values_nan > 0)
     progress_.print_message(fmt::format(
         "warning: {} commands were NaN and replaced by their channel's safe value", s.actuator_values_nan));
