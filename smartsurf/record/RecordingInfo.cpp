@@ -123,7 +123,7 @@ std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
   return all;
 }
 
-// Seconds as `smartsurf run` prints them.
+// To the hundredth of a second, as `smartsurf run` prints times.
 double rounded(double time_s) { return std::round(100.0 * time_s) / 100.0; }
 
 std::string frames_text(const Recording& recording) {

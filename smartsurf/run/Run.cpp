@@ -93,6 +93,7 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, scr
              options.confined ? options.confined->take_video(options.confined_number)
                               : start_video(options.video_file, options.render),
              options.render, experiment_.scene()),
+      placement_check_(simulation_.scene().surface),
       progress_(options.world_index ? fmt::format("world {}", *options.world_index) : ""),
       pacer_(options.pace),
       experiment_file_(options.experiment, experiment_.scene().source),
@@ -203,7 +204,6 @@ bool Run::tick() {
 // Once for each kind of mistake, where the script has left the object.
 void Run::warn_of_added_objects(std::size_t first) {
   if (options_.world_index.value_or(0) != 0) return;
-  const scene::PlacementCheck check(simulation_.scene().surface);
   for (std::size_t i = first; i < simulation_.catalogue().size(); ++i) {
     const auto id = static_cast<scene::ObjectId>(i);
     const auto holds = [id](const scene::JointSpec& joint) { return joint.a == id || joint.b == id; };
@@ -213,7 +213,7 @@ void Run::warn_of_added_objects(std::size_t first) {
     object.position = state.position;
     object.velocity = state.velocity;
     object.orientation = state.orientation;
-    const auto mistake = check(object, i);
+    const auto mistake = placement_check_(object, i);
     if (!mistake || std::exchange(warned_of_[static_cast<std::size_t>(mistake->kind)], true)) continue;
     progress_.print_message("warning: " + mistake->line);
   }

@@ -129,6 +129,7 @@ class Run {
   std::unique_ptr<Display> display_;
   MediaWriter media_;
   ViewChannels channels_;
+  const scene::PlacementCheck placement_check_;
   Progress progress_;
   Pacer pacer_;
   DisplayRequests requests_;

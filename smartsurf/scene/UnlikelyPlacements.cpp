@@ -150,13 +150,15 @@ double depth_in_cells(const SurfaceSpec& surface, const ObjectSpec& o, double to
 }  // namespace
 
 PlacementCheck::PlacementCheck(const SurfaceSpec& surface)
-    : surface_(surface), bounds_(compute_surface_bounds(surface)), lowest_top_(lowest_top(surface)) {}
+    : surface_(surface),
+      bounds_(compute_surface_bounds(surface)),
+      lowest_top_(lowest_top(surface)),
+      is_solid_(!surface.has_empty_cells() && !surface.skin) {}
 
 std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSpec& o, std::size_t id) const {
   const double diagonal = std::hypot(bounds_.width(), bounds_.height());
   const double feet = surface_.pin.min_height - surface_.pin.length,
                gap = surface_.pitch - std::max(surface_.pin.top_x, surface_.pin.top_y);
-  const bool solid = !surface_.has_empty_cells() && !surface_.skin;
   if (o.fixed) return std::nullopt;
   const Eigen::Vector3d& p = o.position;
   const double dx = std::max({bounds_.west - p.x(), 0.0, p.x() - bounds_.east}),
@@ -172,7 +174,7 @@ std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSp
                                bounds_.west, bounds_.east, bounds_.south, bounds_.north));
   if (p.z() < feet && off_table == 0)
     return mistake(Kind::kBelow, fmt::format("is below the cells, whose feet are at z = {:.4g}", feet));
-  if (off_table == 0 && solid && o.velocity.isZero()) {
+  if (off_table == 0 && is_solid_ && o.velocity.isZero()) {
     if (p.z() < lowest_top_)
       return mistake(Kind::kAmong,
                      fmt::format("is inside the cells, whose tops are at z = {:.4g} or higher", lowest_top_));
@@ -184,7 +186,7 @@ std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSp
   if (is_in_border(surface_, p) && o.velocity.isZero())
     return mistake(Kind::kWalled,
                    fmt::format("is inside the border, which is {:.4g} u high", *surface_.border_height));
-  if (2 * o.half_extents().maxCoeff() < gap && solid)
+  if (2 * o.half_extents().maxCoeff() < gap && is_solid_)
     return mistake(
         Kind::kSmall,
         fmt::format("is smaller than the gaps of {:.4g} u between the cells and may fall into one", gap));

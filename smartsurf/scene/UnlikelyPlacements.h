@@ -20,6 +20,7 @@ class PlacementCheck {
     std::string line;
   };
 
+  // The surface must outlive the check. O(cells).
   explicit PlacementCheck(const SurfaceSpec&);
   // nullopt: nothing. Objects with joints may be anywhere, which the caller knows.
   std::optional<Mistake> operator()(const ObjectSpec&, std::size_t id) const;
@@ -28,6 +29,7 @@ class PlacementCheck {
   const SurfaceSpec& surface_;
   SurfaceBounds bounds_;
   double lowest_top_;
+  bool is_solid_;  // has a cell everywhere, and no skin
 };
 
 // One line for each kind of mistake, with the first such object and the number of the others: larger than the

@@ -134,6 +134,7 @@ void Environment::start_simulation() {
   failed_ = false;
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
                                              /*scripted_actuators=*/options_.controller == nullptr);
+  engine_version_ = simulation_->engine().version();
   simulation_->hash_when_asked();
   if (options_.controller) {
     if (!controller_) controller_.emplace(options_.controller);
@@ -238,7 +239,7 @@ bool Environment::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) 
 
 // Differs for everything that makes a saved state useless: another program, script or option.
 std::uint64_t Environment::fingerprint() const {
-  std::string text = simulation().engine().version() + '\0' + scene().source;
+  std::string text = engine_version_ + '\0' + scene().source;
   for (const scene::OptionSpec& option : scene().options) text += '\0' + option.name + '=' + option.value;
   for (const scene::Variation& v : experiment_->variations()) text += '\0' + v.name + '=' + to_text(v);
   for (const scene::Extension& extension : scene().surface.extensions())
@@ -271,6 +272,7 @@ void Environment::restore(std::string_view bytes) {
   const std::string prefix = scene().file + ": restore: ";
   if (bytes.size() < sizeof header || (start(header), header.magic != Header().magic))
     throw scene::InputError(prefix + "these bytes are not a saved state");
+  if (engine_version_.empty()) throw scene::InputError(prefix + "no episode has started yet: reset it");
   if (header.fingerprint != fingerprint())
     throw scene::InputError(prefix + "the state is of another experiment, option, engine or version");
   const std::string_view payload = bytes.substr(sizeof header);
@@ -280,7 +282,7 @@ void Environment::restore(std::string_view bytes) {
   archive(values);
   // What seed and parameters determine besides the state: faults, actuators, shapes, and what the script
   // draws while it loads.
-  if (header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
+  if (!simulation_ || header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
   failed_ = true;  // until everything is restored
   experiment_->restore(archive);
   simulation_->archive(archive);

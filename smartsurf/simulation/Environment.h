@@ -141,6 +141,7 @@ class Environment {
   std::optional<script::Experiment> experiment_;
   std::optional<scene::SceneSpec> declared_;  // before the nuisances of an episode, if the scene has any
   std::unique_ptr<Simulation> simulation_;    // refers to experiment_; null: the episode could not start
+  std::string engine_version_;                // of the latest simulation
   std::optional<ControllerLink> controller_;
   bool draws_while_loading_ = false;
   Values set_values_;  // of the next episode

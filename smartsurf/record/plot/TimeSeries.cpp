@@ -204,6 +204,21 @@ TimeSeries metric_series(const Recording& recording, const std::string& kind, co
   return result;
 }
 
+// A register by the name that --cells takes.
+TimeSeries register_series(const Recording& recording, const std::string& kind, const Arguments& arguments) {
+  const std::vector<std::string> known = recording.channel_names("registers");
+  if (arguments.empty()) throw_plot_error(kind, "needs a register and cells: apron:NAME:ROW,COLUMN");
+  const std::string& name = arguments.front();
+  if (std::ranges::find(known, name) == known.end())
+    throw_plot_error(kind + ":" + name, known.empty() ? recording.path().string() +
+                                                            " holds no registers, which run "
+                                                            "--record-registers " +
+                                                            name + " keeps"
+                                                      : "no such register; known: " + join(known) +
+                                                            common::did_you_mean(name, known));
+  return channel_series(recording, "registers", name, {arguments.begin() + 1, arguments.end()});
+}
+
 struct SeriesDefinition {
   const char* name;
   const char* usage;
@@ -218,7 +233,8 @@ constexpr SeriesDefinition kSeriesDefinitions[] = {{"speed", "speed[:ID…]", sp
                                                    {"objects", "objects", object_count_series},
                                                    {"contacts", "contacts", contact_count_series},
                                                    {"metric", "metric:NAME…", metric_series},
-                                                   {"height", "height:ROW,COLUMN…", height_series}};
+                                                   {"height", "height:ROW,COLUMN…", height_series},
+                                                   {"apron", "apron:NAME:ROW,COLUMN…", register_series}};
 
 }  // namespace
 
@@ -234,11 +250,6 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     if (kind == definition.name) return definition.make(recording, kind, arguments);
     known.emplace_back(definition.name);
   }
-  const std::vector<std::string> registers = recording.channel_names("registers");
-  if (kind == "apron" && !arguments.empty() &&
-      std::ranges::find(registers, arguments.front()) != registers.end())  // as --cells has it
-    return channel_series(recording, "registers", arguments.front(),
-                          {arguments.begin() + 1, arguments.end()});
   for (const char* group : {"sensors", "actuators", "registers"})
     for (const std::string& name : recording.channel_names(group)) {
       if (kind == name) return channel_series(recording, group, name, arguments);

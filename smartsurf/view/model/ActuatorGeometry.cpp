@@ -327,19 +327,20 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::A
   };
 }
 
+void ActuatorGeometry::add_hidden_part(std::size_t mesh, const MeshInstance& of_no_size) {
+  if (keeps_hidden_parts_) meshes_[mesh].instances.push_back(of_no_size);
+}
+
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
   const std::size_t mesh = add_mesh(arrow_mesh());
   const auto pitch = static_cast<float>(surface_.pitch);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
-    if (!(strength > kMinVisibleLevel)) {
-      const Rgba8 colour = to_linear_rgba8(kStrongForce);
-      if (keeps_hidden_parts_)
-        meshes_[mesh].instances.push_back(
-            make_instance(cell_frame(cell, snapshot).top, Mat::Zero(), colour, colour));
-      return;
-    }
+    if (!(strength > kMinVisibleLevel))
+      return add_hidden_part(
+          mesh, make_instance(cell_frame(cell, snapshot).top, Mat::Zero(), to_linear_rgba8(kStrongForce),
+                              to_linear_rgba8(kStrongForce)));
     // Always longer than wide, so that the direction stays visible.
     const float half_length = pitch * (0.16F + 0.30F * strength),
                 half_width = pitch * (0.09F + 0.07F * strength);
@@ -381,13 +382,9 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::Act
     meshes_[nozzle].instances.push_back(make_instance(f.top, f.axes * size.asDiagonal(),
                                                       to_linear_rgba8(mix_colours(kRubber, kAir, flow)),
                                                       to_linear_rgba8(kInk)));
-    if (flow < kMinVisibleLevel) {
-      if (keeps_hidden_parts_)
-        meshes_[plume].instances.push_back(make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), Mat::Zero(),
-                                                         to_linear_rgba8(kAir, 0.55F),
-                                                         to_linear_rgba8(kAir, 0.0F)));
-      return;
-    }
+    if (flow < kMinVisibleLevel)
+      return add_hidden_part(plume, make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), Mat::Zero(),
+                                                  to_linear_rgba8(kAir, 0.55F), to_linear_rgba8(kAir, 0.0F)));
     const Vec up(std::sin(tilt) * std::cos(motion.a), std::sin(tilt) * std::sin(motion.a), std::cos(tilt));
     Mat axes;
     axes << 0.45F * pitch * f.axes.col(0), 0.45F * pitch * f.axes.col(1),

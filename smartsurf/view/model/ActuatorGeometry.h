@@ -89,6 +89,7 @@ class ActuatorGeometry {
   InstanceBuilder ball_builder(const scene::ActuatorSpec&);
   InstanceBuilder wheel_builder(const scene::ActuatorSpec&);
   InstanceBuilder rotor_builder(const scene::ActuatorSpec&);
+  void add_hidden_part(std::size_t mesh, const MeshInstance& of_no_size);
   InstanceBuilder arrow_builder();
   InstanceBuilder coil_builder();
   InstanceBuilder jet_builder(const scene::ActuatorSpec&);

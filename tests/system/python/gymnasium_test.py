@@ -636,10 +636,14 @@ class VectorEnvironments(ExperimentTest):
             same = next(s for s in range(1, 100) if declared(s) == declared(0))
             simulation, envs = smartsurf.Simulation(path, seed=0), smartsurf.VectorEnv(path, 2, seed=[0, 0])
             refused = f"with seed {other}, the script declares another surface, other channels or another info{{}}"
+            simulation.step()
+            state, kept = simulation.save(), simulation.state_hash
             with self.assertRaisesRegex(smartsurf.Error, refused):
                 simulation.reset(other)
             with self.assertRaisesRegex(smartsurf.Error, "could not start"):
                 simulation.step()
+            simulation.restore(state)
+            self.assertEqual(simulation.state_hash, kept)
             simulation.reset(same)
             simulation.step()
             _, infos = envs.reset(seed=[same, other])

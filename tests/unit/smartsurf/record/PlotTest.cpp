@@ -215,7 +215,7 @@ TEST(Plot, RejectsInvalidRequests) {
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
             "--what trajectory: unknown kind of plot; known: trajectories, time-spent, speed, spin, x, "
-            "y, z, objects, contacts, metric, height, lift; did you mean 'trajectories'?");
+            "y, z, objects, contacts, metric, height, apron, lift; did you mean 'trajectories'?");
   EXPECT_EQ(error_of("height", out / "a.png"), "--what height: needs a cell: height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3,32", out / "a.png"),
@@ -224,6 +224,11 @@ TEST(Plot, RejectsInvalidRequests) {
   EXPECT_EQ(error_of("contacts:1", out / "a.png"), "--what contacts:1: takes nothing after 'contacts'");
   EXPECT_EQ(error_of("metric:left", out / "a.png"),
             "--what metric:left: no such metric; known: lift; did you mean 'lift'?");
+  EXPECT_EQ(error_of("apron", out / "a.png"),
+            "--what apron: needs a register and cells: apron:NAME:ROW,COLUMN");
+  EXPECT_NE(error_of("apron:SIZE:1,1", out / "a.png")
+                .find("holds no registers, which run --record-registers SIZE keeps"),
+            std::string::npos);
   EXPECT_EQ(error_of("lift:1", out / "a.png"), "--what lift:1: takes nothing after 'lift'");
   EXPECT_NE(error_of("purity", out / "a.png").find("--what purity: unknown kind of plot"), std::string::npos);
   EXPECT_EQ(error_of("time-spent:smal", out / "a.png"),
