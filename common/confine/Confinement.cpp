@@ -2,9 +2,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
+#include <sstream>
+#include <string>
 #include <string_view>
+#include <system_error>
 
 #include "common/confine/Landlock.h"
 #include "common/confine/SystemCalls.h"
@@ -21,6 +25,24 @@ namespace common {
 namespace {
 
 std::atomic<bool> confined{false};
+
+// What precedes the number in the names of device files that drivers open, other than Mesa's /dev/dri:
+// NVIDIA's own and Tegra's, Arm's, and that of Linux in Windows.
+constexpr std::string_view kGraphicsDevices[] = {"nvidia", "nvhost", "nvmap", "nvgpu", "mali", "dxg"};
+
+// Where the loader and OpenGL's dispatch also look for libraries: lists of paths, of which relative ones are
+// left out.
+constexpr const char* kLibraryVariables[] = {"LD_LIBRARY_PATH", "LIBGL_DRIVERS_PATH", "GBM_BACKENDS_PATH",
+                                             "__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES"};
+
+void add_library_folders(Confinement& confinement) {
+  for (const char* const variable : kLibraryVariables) {
+    const char* const text = std::getenv(variable);
+    std::istringstream list(text != nullptr ? text : "");
+    for (std::string path; std::getline(list, path, ':');)
+      if (path.starts_with('/')) confinement.read.emplace_back(path);
+  }
+}
 
 }  // namespace
 
@@ -77,11 +99,32 @@ void add_system_files(Confinement& confinement) {
 }
 
 void add_picture_files(Confinement& confinement) {
-  for (const char* const path :
-       {"/usr", "/lib", "/lib64", "/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/fonts", "/etc/glvnd",
-        "/etc/egl", "/etc/drirc", "/etc/drirc.d", "/etc/vulkan", "/var/cache/fontconfig", "/sys",
-        "/proc/self", "/proc/cpuinfo", "/proc/meminfo"})
+  for (const char* const path : {"/usr",
+                                 "/lib",
+                                 "/lib64",
+                                 "/etc/ld.so.cache",
+                                 "/etc/ld.so.preload",
+                                 "/etc/fonts",
+                                 "/etc/glvnd",
+                                 "/etc/egl",
+                                 "/etc/drirc",
+                                 "/etc/drirc.d",
+                                 "/etc/vulkan",
+                                 "/var/cache/fontconfig",
+                                 "/sys",
+                                 "/proc/self",
+                                 "/proc/cpuinfo",
+                                 "/proc/meminfo",
+                                 "/proc/devices",
+                                 "/proc/modules",
+                                 "/proc/driver/nvidia",
+                                 "/etc/nvidia",
+                                 "/opt/amdgpu",
+                                 "/opt/amdgpu-pro",
+                                 "/run/opengl-driver",
+                                 "/nix/store"})
     confinement.read.emplace_back(path);
+  add_library_folders(confinement);
   for (const char* const variable : {"HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME"})
     if (const char* const home = std::getenv(variable); home != nullptr && *home == '/')
       for (const char* const below : {".fonts", ".fonts.conf", ".config/fontconfig", ".cache/fontconfig",
@@ -90,6 +133,20 @@ void add_picture_files(Confinement& confinement) {
   if (const std::filesystem::path fonts = installed_file("fonts"); !fonts.empty())
     confinement.read.push_back(fonts);
   confinement.write_folders.emplace_back("/dev/dri");
+  for (const std::filesystem::path& device : graphics_devices("/dev")) confinement.write.push_back(device);
+}
+
+std::vector<std::filesystem::path> graphics_devices(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> devices;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename();
+    if (std::ranges::any_of(kGraphicsDevices,
+                            [&](std::string_view begin) { return name.starts_with(begin); }))
+      devices.push_back(entry.path());
+  }
+  std::ranges::sort(devices);
+  return devices;
 }
 
 }  // namespace common

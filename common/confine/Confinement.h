@@ -3,7 +3,9 @@
 // might run.
 #pragma once
 
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "common/confine/Rights.h"
 
@@ -37,5 +39,7 @@ bool is_confined() noexcept;
 void add_system_files(Confinement&);
 // Likewise to draw pictures: libraries, fonts, drivers.
 void add_picture_files(Confinement&);
+// The device files of graphics drivers in the folder, /dev, sorted.
+std::vector<std::filesystem::path> graphics_devices(const std::filesystem::path& folder);
 
 }  // namespace common

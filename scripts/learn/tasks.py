@@ -24,6 +24,11 @@ NORTH_SOUTH = [[0], [1, 3], [2], [4]]
 FUNNEL = ("row", "column", "slope")
 
 
+def processor_time():
+    """Seconds that this process and the programs that it ran have computed."""
+    return sum(os.times()[:4])
+
+
 class Task:
     """An experiment, its hand-written controller, and the policy that learns it.
 

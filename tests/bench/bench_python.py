@@ -10,6 +10,9 @@ step. It takes whichever of its solvers Newton and CG and of its cones, pyramida
 processor time that a step takes outside the compiled part is Python's share. Needs the package smartsurf, Gymnasium, and
 for peers mujoco and shm_protocol.
 
+--who warp measures MuJoCo Warp (package mujoco-warp) on an NVIDIA accelerator, the same model in many worlds at once and its
+steps as one CUDA graph; neither proximity nor reward is computed there. It takes CG or Newton, whichever is faster in a trial.
+
 --who controller measures an APRON program that commands the wave instead, in VectorEnv and in a process beside each
 simulator; the controller's share is the processor time that a step takes beyond one with the same actions from Python.
 """
@@ -32,6 +35,7 @@ from mujoco_peer import fastest, has_mujoco
 CASES = [f"{n}x{n}:{k}" for n in (8, 16, 64) for k in (1, 10, 40)]
 WORLDS = (1, 64, 1024)
 CONTROLLED = (1, 64)
+WARP_WORLDS = (1024, 8192)
 RANGE, RADIUS, PHASES = 4.0, 0.8, 32
 MOST_CELLS = 1024 * 4096 + 1
 PEERS = ("MuJoCo", 4), ("MuJoCo, 1 step", 1)  # and physics steps a period
@@ -229,6 +233,64 @@ def measure_mujoco(n, k, substeps, threads, how):
     return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "options": ", ".join(options), "version": mujoco.__version__}
 
 
+def measure_warp(n, k, substeps, worlds, how):
+    """A period is one CUDA graph: the pins' heights, then `substeps` physics steps."""
+    import mujoco
+    import mujoco_warp
+    import warp
+    heights = warp.array(wave(n).reshape(PHASES, n * n))
+    phase = warp.zeros(1, dtype=int)
+
+    def stepper(solver):
+        model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps, solver, "pyramidal"))
+        started = mujoco.MjData(model)
+        mujoco.mj_forward(model, started)
+        # Most contacts of a sphere: three pins on each side and two walls; four constraints of the pyramid each.
+        contacts = k * 8 + k * (k - 1) // 2
+        many = mujoco_warp.put_model(model)
+        data = mujoco_warp.put_data(model, started, nworld=worlds, nconmax=contacts, njmax=4 * contacts)
+
+        @warp.kernel
+        def follow(heights: warp.array2d(dtype=float), phase: warp.array(dtype=int), pins: warp.array2d(dtype=warp.vec3)):
+            world, pin = warp.tid()
+            at = pins[world, pin]
+            pins[world, pin] = warp.vec3(at[0], at[1], heights[phase[0], pin] - 1.0)
+
+        @warp.kernel
+        def advance(phase: warp.array(dtype=int)):
+            phase[0] = (phase[0] + 1) % PHASES
+
+        def period():
+            warp.launch(follow, dim=(worlds, n * n), inputs=[heights, phase, data.mocap_pos])
+            for _ in range(substeps):
+                mujoco_warp.step(many, data)
+            warp.launch(advance, dim=1, inputs=[phase])
+
+        period()  # compiles
+        with warp.ScopedCapture() as capture:
+            period()
+        return capture.graph, data
+
+    def rate(graph, calls):
+        warp.synchronize()
+        start = time.perf_counter()
+        for _ in range(calls):
+            warp.capture_launch(graph)
+        warp.synchronize()
+        return calls * worlds / (time.perf_counter() - start)
+
+    best = {}
+    for solver in ("CG", "Newton"):
+        graph, data = stepper(solver)
+        rate(graph, 120)  # the spheres land
+        calls = max(10, int(how.seconds * rate(graph, 10) / worlds))
+        height = data.qpos.numpy().reshape(worlds, k, 7)[:, :, 2]
+        best[solver] = max(rate(graph, calls) for _ in range(3)), float(np.mean(height < 0)), float(height.mean())
+    solver = max(best, key=lambda name: best[name][0])
+    return {"steps_per_s": best[solver][0], "options": solver, "fallen": best[solver][1], "height": best[solver][2],
+            "version": mujoco_warp.__version__, "device": warp.get_device().name, "all": {s: v[0] for s, v in best.items()}}
+
+
 def measurements(how):
     with tempfile.TemporaryDirectory() as folder:
         for case in how.cases:
@@ -250,6 +312,10 @@ def measurements(how):
                            **measure_controlled(file, program, n, worlds, threads, how)}
                 for who, substeps in PEERS if "mujoco" in how.who else ():
                     yield {"who": who, **about, **measure_mujoco(n, k, substeps, threads, how)}
+            for worlds in WARP_WORLDS if "warp" in how.who else ():
+                for who, substeps in PEERS:
+                    yield {"who": f"{who.replace('MuJoCo', 'MuJoCo Warp')}, {worlds}", "case": name,
+                           **measure_warp(n, k, substeps, worlds, how)}
             if "vector" in how.who:
                 yield {"who": "Simulation", "case": name, **measure_states(file, n)}
             for worlds in CONTROLLED if "controller" in how.who else ():

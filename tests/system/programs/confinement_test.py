@@ -9,6 +9,7 @@ TABLE = "surface { rows = 4, columns = 4, actuator = pin {} }\nsphere { radius =
 LANDLOCK = ctypes.CDLL(None, use_errno=True).syscall(444, None, 0, 1)
 # Calls that another layer of this machine refuses anyway, with or without confinement.
 FOREIGN = {"new_user_namespace", "io_ring", "read_environment"}
+MESA = pathlib.Path("/usr/share/glvnd/egl_vendor.d/50_mesa.json")  # names its library
 NEEDS_6_12 = {"signal_parent"}
 TETRAHEDRON = """solid a
 facet normal 0 0 -1\n outer loop\n vertex 0 0 0\n vertex 0 1 0\n vertex 1 0 0\n endloop\nendfacet
@@ -181,6 +182,17 @@ class Confinement(ProgramTest):
         self.assertEqual(status, 0, text)
         allowed = self.PICTURES | (NEEDS_6_12 if LANDLOCK < 6 else set())
         self.assertEqual({n for n, o in outcomes.items() if o == "done"} - allowed, set(), text)
+        self.assertTrue((self.home / "a.png").read_bytes().startswith(b"\x89PNG"))
+
+    @needs_view
+    @unittest.skipUnless(MESA.exists(), "Mesa is not registered as a driver")
+    def test_drivers_lie_where_variables_of_the_loader_say(self):
+        drivers = self.folder / "drivers"
+        drivers.mkdir()
+        shutil.copy(MESA, drivers / "driver.json")
+        status, _, err = self.run_here(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "2", "--screenshot", "a.png",
+                                       __EGL_VENDOR_LIBRARY_FILENAMES=str(drivers / "driver.json"))
+        self.assertEqual(status, 0, err)
         self.assertTrue((self.home / "a.png").read_bytes().startswith(b"\x89PNG"))
 
 
