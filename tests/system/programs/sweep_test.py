@@ -226,6 +226,26 @@ class Sweep(ProgramTest):
         self.assertEqual(row["success_s.median"], str(known[9]) if len(known) >= 10 else "")
         self.assertTrue((self.folder / "out/success.svg").exists())
 
+    def test_a_metric_success_is_the_one_that_times_go_by(self):
+        # success() holds from 0.1 s on but at seed 3; in the end the metric takes it from the seeds 1 and 2 and gives it to 3.
+        self.write("table.lua", """
+            local seed = option('number', 1, 'a number')
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            success(function(t) return seed ~= 3 and t >= 0.1 end)
+            on_finish(function() metric('success', seed > 2 and 1 or 0) metric('other', 1) end)
+            """)
+
+        def sweep(*flags):
+            status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "1", "-o", "out", "--y", "success_s",
+                                                "--x", "number", "--set", "number=1,2,3,4", *flags)
+            self.assertEqual(status, 0, out + err)
+            return out
+        self.assertIn("number = 1: 0 of 1 succeed (0.00 … 0.79), half of the runs by – s (– … –)", sweep())
+        self.assertEqual([row["success_s.median"] for row in self.results("summary.csv")], ["", "", "1.0", "0.1"])
+        self.assertIn("number = 1: 1 of 1 succeed (0.21 … 1.00)\n", sweep("--success", "other"))
+        # Two runs and the legend in grey: no success by then.
+        self.assertEqual((self.folder / "out/results.svg").read_text().count("rgb(73.33"), 3)
+
     def test_summary_has_rates_medians_and_quantiles(self):
         self.write("table.lua", TABLE.replace("metric('chance'", "metric('success', weight > 1 and seed_digit > 0.2 and 1 or 0) "
                                                                 "metric('chance'"))
