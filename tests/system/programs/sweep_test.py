@@ -440,6 +440,18 @@ exec {APRON} run {idle} --shm "$2"
         self.assertGreaterEqual(drawing.count("rgb(49.80"), 7)
         self.assertGreaterEqual(drawing.count("rgb(0%,44.70"), 4)
 
+    def test_plot_says_which_runs_it_leaves_out(self):
+        self.write("table.lua", """
+            local seed = option('number', 1, 'a number')
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            on_finish(function() if seed > 3 then metric('late_s', seed) end metric('all', seed) end)
+            """)
+        for figure, said in (("late_s", "without 3 runs that have no number 'late_s'\n"), ("all", "")):
+            status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out", "--y", figure,
+                                                "--x", "number", "--set", "number=1,2,3,4,5")
+            self.assertEqual((status, "without" in out), (0, bool(said)), out + err)
+            self.assertIn(said, out)
+
     def test_invalid_arguments_report_one_line(self):
         for arguments, message in (
                 (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
