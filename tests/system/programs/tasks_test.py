@@ -105,6 +105,14 @@ class Tasks(ProgramTest):
             with self.subTest(task):
                 self.assertEqual(success, {"on": 1, "beside": 0, "below": 0})
 
+    def test_a_run_of_one_tick_ends_without_an_error(self):
+        for path in sorted(TASKS.glob("*.lua")):
+            if "on_finish" not in path.read_text() or path.stem in ("two_kinds", "tee", "logistics"):
+                continue
+            with self.subTest(path.stem):
+                status, _, err = self.run_program(SMARTSURF, "run", str(path), "--no-controller", "--headless", "--ticks", "1")
+                self.assertEqual(status, 0, err)
+
     def test_balls_are_sorted_by_size(self):
         metrics = self.run_task("size_sort", 40, "n=32", "count=2")
         self.assertEqual((metrics["purity"], metrics["success"]), (1, 1))
