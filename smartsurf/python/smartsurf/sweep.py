@@ -32,6 +32,7 @@ from .success import Step, success_curve, time_of_share, wilson
 Options = tuple[tuple[str, str], ...]
 
 SUCCESS_TIMES = ("success_s", "sorted_at_s")  # figures: when the run succeeded; null if it did not
+OWN_COLUMNS = ("seed", "exit_status", "runs", "failed", "succeeded", "success_rate", "success_low", "success_high")  # besides options
 LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito 2008

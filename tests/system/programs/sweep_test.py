@@ -463,6 +463,7 @@ exec {APRON} run {idle} --shm "$2"
                 (("--format", "xls"), "sweep: --format xls: must be of csv, jsonl and parquet"),
                 (("--search", "grid"), "sweep: argument --search: invalid choice: 'grid'"),
                 (("--jobs", "0"), "sweep: --jobs 0: must be a whole number from 1"),
+                (("--set", "runs=1,2"), "sweep: --set runs=1,2: the tables have a column 'runs' of their own: name the option otherwise"),
                 (("--set", "weigth=1"), "did you mean 'weight'?"),
                 (("--x", "size"), "sweep: --x size: must be seed or one of the options of --set (none given)")):
             status, _, err = self.sweep(*arguments)
