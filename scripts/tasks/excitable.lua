@@ -24,7 +24,7 @@ on_finish(function(t)
     if object(id):on_table() then on_table = on_table + 1 end
   end
   metric('success', arrived == 3 and on_table == 3 and 1 or 0)
-  metric('speed_u_s', sum / 3)
+  if t > 0 then metric('speed_u_s', sum / 3) end
 end)
 
 -- As a learning environment: docs/python.md.

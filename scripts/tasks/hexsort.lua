@@ -2,6 +2,7 @@
 -- their colour: red in the north, green in the east, blue in the south.
 local logistics = require 'logistics'
 local count, gap = option('count', 24, 'number of parcels'), option('gap', 2.0, 'seconds between two of them')
+if count < 1 then error('option count = ' .. count .. ': must be 1 or more') end
 local pitch, rows, columns = 2, 21, 24
 local top_y, right_x = (rows - 1) * pitch * math.sqrt(3) / 2, (columns - 0.5) * pitch
 
@@ -11,7 +12,7 @@ surface { rows = rows, columns = columns, pitch = pitch, layout = 'hex', materia
           actuator = conveyor { top = 1.6, max_speed = 6, max_acceleration = 60 },
           sensors = { proximity { range = 3 }, colour { range = 3 } } }
 
-local meter, entered, right, wrong, sizes = logistics.new(4, 0.1), 0, 0, 0, {}
+local meter, entered, right, wrong, parcels = logistics.new(4, 0.1), 0, 0, 0, {}
 local exits = { red = { 31, top_y + 1 }, green = { right_x + 1, top_y / 2 }, blue = { 31, -1 } }
 local colours = { 'red', 'green', 'blue' }
 every(gap, function()
@@ -19,7 +20,7 @@ every(gap, function()
   local length, width = random(2.2, 3.2), random(2, 2.6)
   local id = box { size = { length, width, 1 }, position = { 1, top_y / 2 + from * 8 + random(-0.5, 0.5), 0.55 },
                    orientation = { yaw = random(-0.3, 0.3) }, material = 'cardboard', colour = colour, label = colour }
-  sizes[id], entered = math.sqrt(length * width), entered + 1
+  parcels[id], entered = { length = length, width = width }, entered + 1
   meter.aim(id, table.unpack(exits[colour]))
   return entered < count
 end)
@@ -37,13 +38,12 @@ end)
 on_tick(function(t)
   meter.update(t)
   local all = objects()
-  for i = 1, #all do
-    local xi, yi = all[i]:position()
-    for j = i + 1, #all do
-      local xj, yj = all[j]:position()
-      local size = (sizes[all[i]:id()] + sizes[all[j]:id()]) / 2
-      meter.pair(all[i]:id(), all[j]:id(), (xi - xj) ^ 2 + (yi - yj) ^ 2 < size ^ 2)
-    end
+  for i, o in ipairs(all) do
+    local p = parcels[o:id()]
+    p.x, p.y = o:position()
+    local qx, qy, qz, qw = o:orientation()
+    p.heading = math.atan(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+    for j = 1, i - 1 do meter.pair(all[j]:id(), o:id(), logistics.gap(parcels[all[j]:id()], p)) end
   end
 end)
 episode { seconds = 80 }

@@ -3,6 +3,18 @@
 -- objects and both axes of 15·|jerk| + 5·|acceleration| + |velocity|.
 local logistics = {}
 
+-- The gap between two rectangles { x, y, heading, length, width }, seen along their sides; below 0 where they overlap.
+function logistics.gap(a, b)
+  local gap = -math.huge
+  for _, heading in ipairs { a.heading, a.heading + math.pi / 2, b.heading, b.heading + math.pi / 2 } do
+    local function reach(o)
+      return (o.length * math.abs(math.cos(o.heading - heading)) + o.width * math.abs(math.sin(o.heading - heading))) / 2
+    end
+    gap = math.max(gap, math.abs((a.x - b.x) * math.cos(heading) + (a.y - b.y) * math.sin(heading)) - reach(a) - reach(b))
+  end
+  return gap
+end
+
 -- `threshold`: how near a goal is reached. `unit`: of lengths in m, for the smoothness, which is in m and s.
 function logistics.new(threshold, unit)
   local all, dt = {}, nil
@@ -28,11 +40,11 @@ function logistics.new(threshold, unit)
     return math.sqrt((x - all[id].x) ^ 2 + (y - all[id].y) ^ 2)
   end
 
-  -- A pair collides when it comes nearer than its size, and once only until it parts.
-  function meter.pair(a, b, is_touching)
+  -- A pair collides when its gap, in u, falls below 1 mm, and again only after 1 cm.
+  function meter.pair(a, b, gap)
     local key = a < b and a .. '-' .. b or b .. '-' .. a
-    if is_touching and not touching[key] then sums.collisions = sums.collisions + 1 end
-    touching[key] = is_touching
+    if gap < 0.001 / unit and not touching[key] then touching[key], sums.collisions = true, sums.collisions + 1 end
+    if gap > 0.01 / unit then touching[key] = nil end
   end
 
   -- Call it every tick, in the order of the ids.

@@ -13,6 +13,8 @@ local layouts = {
   { 4, '1110111 1110111 1100011 1100011 1100011 1111111 1111111' },
   { 5, '111111 111111 111100 111100 111111 101111 001111 000100' },
   { 5, '11111000 11111100 00111110 00111111 10011011 11111011 11111111 11111110' } }
+if not layouts[layout] then error('option layout = ' .. layout .. ': must be 0 to 9') end
+if count < 1 then error('option goals = ' .. count .. ': must be 1 or more') end
 local movers, map = layouts[layout][1], {}
 for line in layouts[layout][2]:gmatch('%S+') do map[#map + 1] = line end
 
@@ -165,7 +167,7 @@ on_tick(function(t, tick)
     local xi, yi = object(all[i].id):position()
     for j = i + 1, #all do
       local xj, yj = object(all[j].id):position()
-      meter.pair(all[i].id, all[j].id, math.max(math.abs(xi - xj), math.abs(yi - yj)) < side)
+      meter.pair(all[i].id, all[j].id, math.max(math.abs(xi - xj), math.abs(yi - yj)) - side)
     end
   end
   if not left and not done_at then

@@ -150,7 +150,19 @@ void Environment::start_simulation() {
 
 void Environment::reset(std::uint64_t seed) {
   if (ranges_.empty()) return start_episode(seed, set_values_);
+  require_valid_ranges();
   start_episode(seed, draw_values(seed));
+}
+
+// Each is valid at its ends; together, where all are at theirs.
+void Environment::require_valid_ranges() {
+  if (ranges_are_valid_) return;
+  for (const auto end : {&Range::low, &Range::high}) {
+    Values values = set_values_;
+    for (const Range& range : ranges_) values.emplace_back(range.parameter.name(), range.*end);
+    require_valid(values);
+  }
+  ranges_are_valid_ = true;
 }
 
 Environment::Values Environment::draw_values(std::uint64_t seed) const {
@@ -214,6 +226,7 @@ void Environment::set_parameter(const SceneParameter& parameter, std::span<const
   values.emplace_back(parameter.name(), std::vector<double>(numbers.begin(), numbers.end()));
   require_valid(values);
   set_values_ = std::move(values);
+  ranges_are_valid_ = false;
 }
 
 void Environment::randomise(const SceneParameter& parameter, std::span<const double> low,
@@ -227,6 +240,7 @@ void Environment::randomise(const SceneParameter& parameter, std::span<const dou
   }
   std::erase_if(ranges_, is_this);
   if (!low.empty()) ranges_.push_back({parameter, {low.begin(), low.end()}, {high.begin(), high.end()}});
+  ranges_are_valid_ = false;
 }
 
 bool Environment::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {

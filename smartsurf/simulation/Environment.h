@@ -130,6 +130,7 @@ class Environment {
   void start_simulation();
   Values draw_values(std::uint64_t seed) const;
   void require_valid(const Values&) const;
+  void require_valid_ranges();
   const scene::SceneSpec& declared() const { return declared_ ? *declared_ : scene(); }
   Simulation& running();
   bool advance(std::span<const std::byte> prefetched);
@@ -146,8 +147,9 @@ class Environment {
   bool draws_while_loading_ = false;
   Values set_values_;  // of the next episode
   std::vector<Range> ranges_;
-  Values applied_values_;  // of this episode, which the scene has
-  bool failed_ = false;    // in this episode
+  bool ranges_are_valid_ = false;  // together
+  Values applied_values_;          // of this episode, which the scene has
+  bool failed_ = false;            // in this episode
   std::optional<std::uint64_t> end_tick_;
 };
 

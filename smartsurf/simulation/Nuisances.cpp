@@ -239,18 +239,24 @@ std::shared_ptr<const scene::Solid> Nuisances::scaled(const std::shared_ptr<cons
   return scaled_.back().second;
 }
 
-// What is valid at both ends is so between them.
+// What is valid at both ends is so between them, and what several add up to where all are at theirs.
 void Nuisances::check(const SceneSpec& s, const std::vector<Variation>& variations) {
-  for (const Variation& v : variations)
-    for (const double end : {v.low, v.high}) {
-      Variation fixed = v;
-      fixed.low = fixed.high = end;
-      SceneSpec at_end = s;
-      const Nuisances set(at_end, {fixed});
-      if (!have_same_channels(s, at_end))
-        refuse(v, "changes the range of a channel: give it to the script by an option");
-      if (const std::string clause = validate(at_end.surface); !clause.empty()) refuse(v, clause);
+  const auto require_valid_at = [&s](const std::vector<Variation>& ends) {
+    SceneSpec at_end = s;
+    const Nuisances set(at_end, ends);
+    if (!have_same_channels(s, at_end))
+      refuse(ends.back(), "changes the range of a channel: give it to the script by an option");
+    if (const std::string clause = validate(at_end.surface); !clause.empty()) refuse(ends.back(), clause);
+  };
+  for (const auto end : {&Variation::low, &Variation::high}) {
+    std::vector<Variation> all;
+    for (const Variation& v : variations) {
+      all.push_back(v);
+      all.back().low = all.back().high = v.*end;
+      require_valid_at({all.back()});
     }
+    if (all.size() > 1) require_valid_at(all);
+  }
 }
 
 }  // namespace smartsurf::simulation

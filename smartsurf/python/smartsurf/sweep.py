@@ -32,6 +32,7 @@ from .success import Step, success_curve, time_of_share, wilson
 Options = tuple[tuple[str, str], ...]
 
 SUCCESS_TIMES = ("success_s", "sorted_at_s")  # figures: when the run succeeded; null if it did not
+OWN_COLUMNS = ("seed", "exit_status", "runs", "failed", "succeeded", "success_rate", "success_low", "success_high")  # besides options
 LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito 2008
@@ -259,14 +260,21 @@ def outcomes(points: Iterable[Point], success: str) -> list[bool]:
     return [value == 1 for value in values if isinstance(value, (int, float))]
 
 
-def time_to_success(points: Iterable[Point], time: str, until: float | None = None) -> list[Step]:
+def success_time(figures: dict[str, Any], time: str) -> float | None:
+    """When a run succeeded, by its figure `time`; None where it did not, although success() held for a while before a metric
+    `success` said so."""
+    known = figures.get(time)
+    return known if is_number(known) and figures.get("success", 1) == 1 else None
+
+
+def time_to_success(points: Iterable[Point], time: str, until: float | None = None) -> list[Step] | None:
     """The share of the completed runs that succeed within a time, from their figure `time`. A run that ends without
     success stays one of those that have not succeeded until `until` or, without it, until the longest run ends: its
-    experiment may have given up early. Empty if a run succeeds at an unknown time or none succeeds."""
+    experiment may have given up early. None if a run succeeds at an unknown time or none says whether it succeeds."""
     done = [f for f in (p.figures() for p in points if p.status() == 0) if isinstance(f.get("success"), (int, float))]
-    times = [f[time] if is_number(f.get(time)) else None for f in done]
-    if any(f["success"] and known is None for f, known in zip(done, times)):
-        return []
+    times = [success_time(f, time) for f in done]
+    if not done or any(f["success"] == 1 and known is None for f, known in zip(done, times)):
+        return None
     end = max([until or 0.0, *(f.get("simulated_s") or 0.0 for f in done)])
     return success_curve(times, [end] * len(times))
 
@@ -295,7 +303,7 @@ def summary(points: Sequence[Point], success: str, shares: Sequence[float], unti
                     "success_high": high}
         for name in dict.fromkeys(key for figures in done for key in figures):
             values = [f[name] for f in done if is_number(f.get(name))]
-            if name in SUCCESS_TIMES and (curve := time_to_success(members, name, until)):
+            if name in SUCCESS_TIMES and values and (curve := time_to_success(members, name, until)) is not None:
                 row[f"{name}.median"], row[f"{name}.median_low"], row[f"{name}.median_high"] = time_of_share(curve, 0.5)
                 row |= {f"{name}.q{100 * share:g}": time_of_share(curve, share)[0] for share in shares}
             elif values:

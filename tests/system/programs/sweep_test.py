@@ -226,6 +226,26 @@ class Sweep(ProgramTest):
         self.assertEqual(row["success_s.median"], str(known[9]) if len(known) >= 10 else "")
         self.assertTrue((self.folder / "out/success.svg").exists())
 
+    def test_a_metric_success_is_the_one_that_times_go_by(self):
+        # success() holds from 0.1 s on but at seed 3; in the end the metric takes it from the seeds 1 and 2 and gives it to 3.
+        self.write("table.lua", """
+            local seed = option('number', 1, 'a number')
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            success(function(t) return seed ~= 3 and t >= 0.1 end)
+            on_finish(function() metric('success', seed > 2 and 1 or 0) metric('other', 1) end)
+            """)
+
+        def sweep(*flags):
+            status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "1", "-o", "out", "--y", "success_s",
+                                                "--x", "number", "--set", "number=1,2,3,4", *flags)
+            self.assertEqual(status, 0, out + err)
+            return out
+        self.assertIn("number = 1: 0 of 1 succeed (0.00 … 0.79), half of the runs by – s (– … –)", sweep())
+        self.assertEqual([row["success_s.median"] for row in self.results("summary.csv")], ["", "", "1.0", "0.1"])
+        self.assertIn("number = 1: 1 of 1 succeed (0.21 … 1.00)\n", sweep("--success", "other"))
+        # Two runs and the legend in grey: no success by then.
+        self.assertEqual((self.folder / "out/results.svg").read_text().count("rgb(73.33"), 3)
+
     def test_summary_has_rates_medians_and_quantiles(self):
         self.write("table.lua", TABLE.replace("metric('chance'", "metric('success', weight > 1 and seed_digit > 0.2 and 1 or 0) "
                                                                 "metric('chance'"))
@@ -420,6 +440,18 @@ exec {APRON} run {idle} --shm "$2"
         self.assertGreaterEqual(drawing.count("rgb(49.80"), 7)
         self.assertGreaterEqual(drawing.count("rgb(0%,44.70"), 4)
 
+    def test_plot_says_which_runs_it_leaves_out(self):
+        self.write("table.lua", """
+            local seed = option('number', 1, 'a number')
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            on_finish(function() if seed > 3 then metric('late_s', seed) end metric('all', seed) end)
+            """)
+        for figure, said in (("late_s", "without 3 runs that have no number 'late_s'\n"), ("all", "")):
+            status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out", "--y", figure,
+                                                "--x", "number", "--set", "number=1,2,3,4,5")
+            self.assertEqual((status, "without" in out), (0, bool(said)), out + err)
+            self.assertIn(said, out)
+
     def test_invalid_arguments_report_one_line(self):
         for arguments, message in (
                 (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
@@ -431,6 +463,7 @@ exec {APRON} run {idle} --shm "$2"
                 (("--format", "xls"), "sweep: --format xls: must be of csv, jsonl and parquet"),
                 (("--search", "grid"), "sweep: argument --search: invalid choice: 'grid'"),
                 (("--jobs", "0"), "sweep: --jobs 0: must be a whole number from 1"),
+                (("--set", "runs=1,2"), "sweep: --set runs=1,2: the tables have a column 'runs' of their own: name the option otherwise"),
                 (("--set", "weigth=1"), "did you mean 'weight'?"),
                 (("--x", "size"), "sweep: --x size: must be seed or one of the options of --set (none given)")):
             status, _, err = self.sweep(*arguments)

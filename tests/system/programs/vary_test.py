@@ -152,6 +152,7 @@ class Nuisances(ProgramTest):
                 ("", "latency = {0, 1.5}", "vary.latency: must have whole numbers"),
                 ("", "gravity = {-10, -9}", "vary.gravity: is a vector: must be a 'factor'"),
                 ("", "stuck = {0, 2}", "vary.stuck: faults.actuator.stuck = 2: must be in [0, 1]"),
+                ("", "stuck = {0, 0.6}, dead = {0, 0.6}", "vary.stuck: faults.actuator: stuck, dead and weak add up to 1.2 of the cells"),
                 ("", "['faults.height.stuck'] = {0, 1}", "is a value of each cell"),
                 (", actuator = wheels {}", "pin_speed = {1, 2}", "vary.pin_speed: no actuator of the surface has a max_speed"),
                 (", actuator = wheels {}", "['actuator.max_spin'] = {1, 2}", "changes the range of a channel"),

@@ -458,6 +458,14 @@ end)""", "moved.lua")
             with self.assertRaisesRegex(ValueError, message) as raised:
                 call()
             self.assertNotIn("\n", str(raised.exception))
+        # Each range by itself is valid; both are not, whatever the seed draws, until one is smaller.
+        for one in (s, envs):
+            one.randomise({"faults.actuator.dead": (0, 0.6), "faults.actuator.stuck": (0, 0.6)})
+            with self.assertRaisesRegex(smartsurf.Error, "stuck, dead and weak add up to 1.2 of the cells"):
+                one.reset(seed=1)
+            one.randomise({"faults.actuator.stuck": (0, 0.7), "faults.actuator.dead": (0, 0.3)})
+            one.reset(seed=1)
+            one.randomise({"faults.actuator.stuck": None, "faults.actuator.dead": None})
         s.reset(1)
         self.assertEqual(s.state_hash, smartsurf.Simulation(path, seed=1).state_hash)
 
