@@ -47,32 +47,37 @@ bool Sleep::is_fast(const BodyStore& b, std::size_t i) { return max_point_speed(
 void Sleep::wake(BodyStore& b, std::size_t i) {
   b.sleep_timer_s[i] = 0.0F;
   if (!b.asleep[i]) return;
+  // With the body those that joints connect with it: a sleeper among them would hold them like the table.
+  std::size_t reached = woken_.size();
+  wake_alone(b, static_cast<std::int32_t>(i));
+  for (; reached < woken_.size(); ++reached) {
+    const std::int32_t from = woken_[reached];
+    if (!b.is_jointed[from]) continue;
+    for (const BodyLink& link : b.links)
+      if (link.b >= 0 && (link.a == from || link.b == from)) wake_alone(b, link.a == from ? link.b : link.a);
+  }
+}
+
+void Sleep::wake_alone(BodyStore& b, std::int32_t i) {
+  if (!b.asleep[i]) return;
+  b.sleep_timer_s[i] = 0.0F;
   b.asleep[i] = 0;
   b.body_velocity[i].inverse_mass = 1.0F / b.mass[i];
   if (b.is_sphere[i]) b.body_velocity[i].inverse_inertia = b.inverse_inertia_of_sphere(i);
   b.update_axes(i);
   --sleeping_count_;
   ++set_version_, ++contacts_version_;
-  woken_.push_back(static_cast<std::int32_t>(i));
+  woken_.push_back(i);
 }
 
 void Sleep::wake_island(BodyStore& b, std::size_t body) {
-  if (!b.asleep[body]) return wake(b, body);
-  // Flood fill over the contact graph and the joints.
-  std::vector<std::int32_t> reached;
-  const auto reach = [&](std::int32_t i) {
-    if (!b.asleep[i]) return;
-    wake(b, i);
-    reached.push_back(i);
-  };
-  reach(static_cast<std::int32_t>(body));
-  for (std::size_t k = 0; k < reached.size(); ++k) {
-    contacts_.for_each_neighbour(reached[k], reach);
-    if (!b.is_jointed[reached[k]]) continue;
-    for (const BodyLink& link : b.links)
-      if (link.b >= 0 && (link.a == reached[k] || link.b == reached[k]))
-        reach(link.a == reached[k] ? link.b : link.a);
-  }
+  // Flood fill over the contact graph.
+  std::size_t reached = woken_.size();
+  wake(b, body);
+  for (; reached < woken_.size(); ++reached)
+    contacts_.for_each_neighbour(woken_[reached], [&](std::int32_t other) {
+      if (b.asleep[other]) wake(b, other);
+    });
 }
 
 void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactList& pair_contacts,
@@ -236,9 +241,8 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     has_active_neighbour_[i] = 0;
     is_supported[i] = static_cast<char>(gravity_.isZero(0.0F));
   }
-  // A body that touches a moving body, or has a joint with one, stays awake, or is woken. Bodies that may lie
-  // on each other fall asleep together: a sleeper is immovable, and would go on bearing the load of that
-  // moment while the rest settles.
+  // A body that touches a moving body stays awake, or is woken. Bodies that may lie on each other fall asleep
+  // together: a sleeper is immovable, and would go on bearing the load of that moment while the rest settles.
   auto keep_together = [&](std::size_t i, std::size_t j) {
     const bool may_stack = !b.is_sphere[i] && !b.is_sphere[j];
     for (const auto& [one, other] : {std::pair{i, j}, std::pair{j, i}}) {
@@ -257,11 +261,9 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   for (const Manifold& m : static_contacts.manifolds) is_supported[m.a] = 1;
   for (const BodyLink& link : b.links) {
     is_supported[link.a] = 1;
-    if (link.b < 0) continue;
-    is_supported[link.b] = 1;
-    keep_together(link.a, link.b);
+    if (link.b >= 0) is_supported[link.b] = 1;
   }
-  keep_awake_above(b, pair_contacts);
+  keep_awake_with_others(b, pair_contacts);
   fallen_.clear();
   for (const std::int32_t i : active_bodies) {
     if (b.sleep_timer_s[i] >= kTimeToSleep_s && !has_active_neighbour_[i] && is_supported[i])
@@ -280,8 +282,8 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
 }
 
 // What lies on a body that cannot sleep yet, at whatever height, stays awake as well: a sleeper bears itself,
-// and would take its weight off those below.
-void Sleep::keep_awake_above(const BodyStore& b, const ContactList& pair_contacts) {
+// and would take its weight off those below. So does what joints connect with it.
+void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_contacts) {
   constexpr float kUpward = 0.3F;
   const auto stays_awake = [&](std::size_t i) {
     return b.is_active(i) && (has_active_neighbour_[i] || b.sleep_timer_s[i] < kTimeToSleep_s);
@@ -294,6 +296,13 @@ void Sleep::keep_awake_above(const BodyStore& b, const ContactList& pair_contact
       const Index above = up > 0.0F ? m.a : m.b, below = up > 0.0F ? m.b : m.a;
       if (has_active_neighbour_[above] || b.is_sphere[above] || !stays_awake(below)) continue;
       has_active_neighbour_[above] = 1;
+      changed = true;
+    }
+    for (const BodyLink& link : b.links) {
+      if (link.b < 0 || stays_awake(link.a) == stays_awake(link.b)) continue;
+      const std::int32_t other = stays_awake(link.a) ? link.b : link.a;
+      if (!b.is_active(other)) continue;
+      has_active_neighbour_[other] = 1;
       changed = true;
     }
   }

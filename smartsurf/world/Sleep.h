@@ -43,8 +43,9 @@ class Sleep {
   unsigned contacts_version() const { return contacts_version_; }
 
   // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
+  // With all bodies that joints connect with it, which sleep only together.
   void wake(BodyStore&, std::size_t body);
-  // Also wakes every sleeping body connected to it by contacts and joints.
+  // Also wakes every sleeping body connected to it by contacts.
   void wake_island(BodyStore&, std::size_t body);
   // Also wakes the bodies that have a contact or joint with it, and all bodies if it is static. Must be
   // called before a body is placed or removed, and after it is added.
@@ -83,7 +84,8 @@ class Sleep {
     std::int32_t row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
   };
   bool touches_moving_cell(const Contact&) const;
-  void keep_awake_above(const BodyStore&, const ContactList& pair_contacts);
+  void wake_alone(BodyStore&, std::int32_t body);
+  void keep_awake_with_others(const BodyStore&, const ContactList& pair_contacts);
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
   bool cell_moves(Index cell) const;

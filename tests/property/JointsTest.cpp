@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <random>
@@ -703,6 +704,32 @@ TEST(JointSleep, RestsAndWakes) {
   fixture.run(0.3);
   EXPECT_EQ(fixture.world().sleeping_count(), 0);
 }
+
+// Four links lie on the table; a pin that rises slowly lifts the last one.
+class LyingLinks : public testing::TestWithParam<JointKind> {};
+
+TEST_P(LyingLinks, SleepAndWakeTogether) {
+  if (on_bullet()) GTEST_SKIP() << "nothing sleeps on Bullet";
+  JointFixture fixture(1.0 / 240);
+  fixture.scene.surface.pin.max_speed = 0.02;
+  std::vector<ObjectId> links;
+  for (int i = 0; i < 4; ++i) {
+    links.push_back(fixture.add(box({1, 0.8, 0.8}, {12 + 1.2 * i, 15, 0.4})));
+    if (i > 0) fixture.join(GetParam(), links[i], links[i - 1], {11.4 + 1.2 * i, 15, 0.4});
+  }
+  fixture.run(3.0);
+  ASSERT_EQ(fixture.world().sleeping_count(), 4);
+  fixture.cells().set_target(0, 16, 16, 0.02F);  // x 16, y 15
+  float fastest = 0.0F;
+  fixture.run(2.0, [&] {
+    const int asleep = fixture.world().sleeping_count();
+    EXPECT_TRUE(asleep == 0 || asleep == 4) << asleep;
+    for (const ObjectId id : links) fastest = std::max(fastest, fixture.velocity(id).norm());
+  });
+  EXPECT_LT(fastest, 0.1F);
+  EXPECT_GT(fixture.position(links.back()).z(), 0.405F);
+}
+INSTANTIATE_TEST_SUITE_P(Joints, LyingLinks, testing::Values(JointKind::kBall, JointKind::kFixed));
 
 // The pendulum at its turning point is slow, but does not rest.
 TEST(JointSleep, SlowPendulumStaysAwake) {
