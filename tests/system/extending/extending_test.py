@@ -23,8 +23,8 @@ def extract(page, folder):
     names = re.findall(r"`scripts/extensions/([\w.]+)`", text)
     for name in names:
         shutil.copy(ROOT / "scripts/extensions" / name, folder)
-    for block in re.findall(r"^```\w+\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
-        name = re.match(r"(?://|--|#) ([\w.]+\.(?:c|cpp|lua|txt))\n", block)
+    for block in re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        name = re.match(r"(?://|--|#) ([\w.]+\.(?:aps|c|cpp|lua|txt))\n", block)
         if name:
             (folder / name[1]).write_text(block)
             names.append(name[1])
@@ -84,6 +84,10 @@ class Extensions(Installed):
         standing, falling = map(float, out.splitlines()[0].split())
         self.assertEqual(standing, 0.0)
         self.assertAlmostEqual(falling, 9.81 * 0.1, delta=0.05)
+
+    def test_a_module_is_built_with_the_installed_header(self):
+        call(CC, *STRICT, "-shared", "-fPIC", f"-I{self.prefix}/include/apron", "-o", self.work / "example.so", self.work / "example.c", "-lm")
+        self.assertEqual(self.run_program(APRON, "run", str(self.work / "example.aps"), "--module", "example"), (0, "5\n", ""))
 
     def test_fields_are_checked_as_those_of_built_in_kinds(self):
         for text, message in (
