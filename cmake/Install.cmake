@@ -26,15 +26,15 @@ install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/sm
   PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY shm-protocol/hardware/firmware DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)
 install(FILES shm-protocol/hardware/boards/servo_board.c DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/firmware)
-install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/apron)
 
-# What find_package(smartsurf) and pkg-config find: the library, and the header of extensions.
+# What find_package(smartsurf) and pkg-config find: the library, and the headers of extensions and modules.
 include(CMakePackageConfigHelpers)
 set(library_folder ${CMAKE_INSTALL_LIBDIR}/cmake/smartsurf)
 install(TARGETS smartsurf_library smartsurf_plugin EXPORT smartsurfTargets COMPONENT library
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(FILES smartsurf/library/smartsurf.h smartsurf/library/smartsurf.hpp smartsurf/extension/smartsurf_plugin.h
   DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/smartsurf COMPONENT library)
+install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/apron COMPONENT library)
 install(EXPORT smartsurfTargets NAMESPACE smartsurf:: DESTINATION ${library_folder} COMPONENT library)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/smartsurfConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES smartsurf/library/smartsurfConfig.cmake ${PROJECT_BINARY_DIR}/smartsurfConfigVersion.cmake

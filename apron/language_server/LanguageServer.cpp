@@ -1,6 +1,7 @@
 #include "apron/language_server/LanguageServer.h"
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -45,20 +46,16 @@ struct RequestError {
 // ---- URIs and positions
 // -------------------------------------------------------------------------------------
 
-int hexadecimal(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
 std::string path_of(const std::string& uri) {
   constexpr std::string_view kScheme = "file://";
   if (!uri.starts_with(kScheme)) return uri;
   std::string path;
   for (std::size_t i = kScheme.size(); i < uri.size(); ++i) {
-    if (uri[i] == '%' && i + 2 < uri.size() && hexadecimal(uri[i + 1]) >= 0 && hexadecimal(uri[i + 2]) >= 0) {
-      path += static_cast<char>(hexadecimal(uri[i + 1]) * 16 + hexadecimal(uri[i + 2]));
+    const char* const digits = uri.data() + i + 1;
+    unsigned code = 0;
+    if (uri[i] == '%' && i + 2 < uri.size() &&
+        std::from_chars(digits, digits + 2, code, 16).ptr == digits + 2) {
+      path += static_cast<char>(code);
       i += 2;
     } else {
       path += uri[i];

@@ -5,7 +5,7 @@
 namespace apron::program {
 namespace {
 
-// The shortest text of the 32-bit float, or all digits of a whole number that is none.
+// The shortest text of the 32-bit float, or all digits of a whole number that no 32-bit float equals.
 std::string literal_text(double value) {
   const auto cell = static_cast<float>(value);
   return static_cast<double>(cell) == value || value != value ? fmt::format("{}", cell)

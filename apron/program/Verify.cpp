@@ -60,7 +60,7 @@ class InstructionVerifier {
   }
 
   static bool accepts(char letter, Kind kind) {
-    // A damaged program may have any number as a kind: one that is none has no bit.
+    // A damaged program may have any number as a kind; an invalid one has no bit.
     constexpr auto kBit = [](Kind k) {
       return static_cast<unsigned>(k) < 32 ? 1U << static_cast<unsigned>(k) : 0U;
     };

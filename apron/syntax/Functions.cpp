@@ -19,15 +19,6 @@ bool is_line(const Line& line, std::string_view word) {
   return line.tokens.size() == 1 && line.tokens.front().is_name(word);
 }
 
-Tokens::const_iterator find_equals(const Tokens& tokens) {
-  int depth = 0;
-  return std::ranges::find_if(tokens, [&](const Token& token) {
-    if (token.is("(") || token.is("[")) ++depth;
-    if (token.is(")") || token.is("]")) --depth;
-    return depth == 0 && token.is("=");
-  });
-}
-
 Token make_token(TokenKind kind, std::string text, Location location) {
   return {kind, location, std::move(text), 0.0};
 }
@@ -58,7 +49,7 @@ class Writes {
     const Tokens& tokens = line.tokens;
     const Token& first = tokens.front();
     if (first.kind == TokenKind::kLabel) labels_.insert(first.text);
-    const auto equals = find_equals(tokens);
+    const auto equals = find_equals(tokens.begin(), tokens.end());
     const bool has_list = tokens.size() > 2 && tokens[1].is("(") && tokens.back().is(")");
     if (first.kind == TokenKind::kName && equals != tokens.end()) {
       for (const Tokens& target : split_arguments(tokens.begin(), equals)) add(target);
@@ -111,7 +102,7 @@ void Preprocessor::handle_function(const Tokens& tokens) {
 
 bool Preprocessor::parse_function_signature(const Tokens& tokens, Macro& function) {
   Tokens::const_iterator at = tokens.begin() + 1;
-  if (const auto equals = find_equals(tokens); equals != tokens.end()) {
+  if (const auto equals = find_equals(tokens.begin(), tokens.end()); equals != tokens.end()) {
     std::vector<std::string> results;
     for (const Tokens& result : split_arguments(at, equals)) {
       if (result.size() != 1 || result.front().kind != TokenKind::kName) return false;

@@ -341,6 +341,15 @@ bool is_keyword(std::string_view name) {
   return std::ranges::find(kKeywords, name) != std::end(kKeywords);
 }
 
+Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_iterator last) {
+  int depth = 0;
+  return std::find_if(first, last, [&](const Token& token) {
+    if (token.is("(") || token.is("[")) ++depth;
+    if (token.is(")") || token.is("]")) --depth;
+    return depth == 0 && token.is("=");
+  });
+}
+
 std::string spelling(const Token& token) {
   switch (token.kind) {
     case TokenKind::kString:

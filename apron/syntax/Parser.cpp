@@ -9,15 +9,6 @@
 namespace apron::syntax {
 namespace {
 
-Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_iterator last) {
-  int depth = 0;
-  return std::find_if(first, last, [&](const Token& token) {
-    if (token.is("(") || token.is("[")) ++depth;
-    if (token.is(")") || token.is("]")) --depth;
-    return depth == 0 && token.is("=");
-  });
-}
-
 // A hint how APRON writes a line in another language's syntax, or "".
 std::string suggest_correction(const Token& first, bool has_arguments, const Token& unexpected) {
   if (unexpected.is("==")) return "; to give a value, write '='";

@@ -42,6 +42,9 @@ struct Line {
   bool has_error = false;  // already reported; the tokens end before the error
 };
 
+// The `=` of an assignment, outside brackets; `last` if there is none.
+Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_iterator last);
+
 // The token as the source writes it.
 std::string spelling(const Token&);
 

@@ -21,6 +21,7 @@ namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr std::size_t kMaxNameLength = 27;  // as of sensors: the channels' names have a suffix
+constexpr std::size_t kMaxUnitLength = 15;  // of the shared-memory protocol
 
 // FNV-1a.
 std::string hash_of(std::string_view content) {
@@ -69,6 +70,11 @@ std::vector<scene::Parameter> read_parameters(const smartsurf_plugin_parameter* 
   return parameters;
 }
 
+template <class Type>
+constexpr bool is_sensor = std::is_same_v<Type, smartsurf_plugin_sensor>;
+template <class Type>
+constexpr std::uint32_t kMaxComponents = is_sensor<Type> ? 64 : 1;
+
 // What configure() makes of an actuator's or a sensor's tables.
 struct Configuration {
   std::vector<smartsurf_plugin_channel> channels;
@@ -93,18 +99,22 @@ Configuration configure(const Type& type, std::span<const scene::Parameter> para
   Configuration result;
   const std::vector<smartsurf_plugin_value> plugin_values = values_of(parameters, values);
   if (type.configure != nullptr && type.configure(plugin_values.data(), &plugin) != 0)
-    result.problem = text_of(message).empty() ? "refused by its extension" : text_of(message);
+    result.problem = text_of(message).empty() ? "configure(): refuses these values" : text_of(message);
   result.channels = read_array(first, type.channel_count, type.name);
+  const auto declared = read_array(type.channels, type.channel_count, type.name);
+  for (std::size_t i = 0; i < declared.size(); ++i)
+    result.channels[i].name = declared[i].name, result.channels[i].unit = declared[i].unit;
   result.min_height = plugin.min_height, result.max_height = plugin.max_height;
   for (const smartsurf_plugin_channel& channel : result.channels)
-    if (result.problem.empty() &&
-        !(std::isfinite(channel.minimum) && std::isfinite(channel.maximum) &&
-          channel.minimum < channel.maximum && channel.neutral >= channel.minimum &&
-          channel.neutral <= channel.maximum && channel.components >= 1 && channel.components <= 64))
+    if (result.problem.empty() && !(std::isfinite(channel.minimum) && std::isfinite(channel.maximum) &&
+                                    channel.minimum < channel.maximum && channel.neutral >= channel.minimum &&
+                                    channel.neutral <= channel.maximum && channel.components >= 1 &&
+                                    channel.components <= kMaxComponents<Type>))
       result.problem = std::string("channels: '") + channel.name +
-                       "' needs a finite range that holds its neutral value, and 1 to 64 components";
+                       "' needs a finite range that holds its neutral value, and at most " +
+                       std::to_string(kMaxComponents<Type>) + " components";
   if (result.problem.empty() && !(result.min_height <= result.max_height))
-    result.problem = "the least height of its cells must not exceed the greatest";
+    result.problem = "min_height: must not exceed max_height";
   return result;
 }
 
@@ -115,9 +125,16 @@ void require_complete(const Type& type, const std::string& subject) {
     throw common::UserError(subject + ": create and destroy must not be null");
   if (type.channel_count == 0 || type.channel_count > 32)
     throw common::UserError(subject + ": must have 1 to 32 channels");
-  for (const smartsurf_plugin_channel& channel : read_array(type.channels, type.channel_count, subject))
-    if (channel.name == nullptr || channel.unit == nullptr)
-      throw common::UserError(subject + ": a channel has no name or no unit");
+  std::vector<std::string> names;
+  for (const smartsurf_plugin_channel& channel : read_array(type.channels, type.channel_count, subject)) {
+    if (channel.name == nullptr || channel.unit == nullptr || std::strlen(channel.unit) > kMaxUnitLength)
+      throw common::UserError(subject + ": a channel has no name, or no unit of at most 15 bytes");
+    const std::string name = std::string(is_sensor<Type> ? type.name : "") + channel.name;
+    if (!scene::is_channel_name(name) || std::ranges::find(names, name) != names.end())
+      throw common::UserError(subject + ": channel '" + name + "': must have a name of its own, " +
+                              scene::kChannelNameRule);
+    names.push_back(name);
+  }
 }
 
 void require_own_functions(const smartsurf_plugin_actuator& type, const std::string& subject) {
@@ -128,6 +145,15 @@ void require_own_functions(const smartsurf_plugin_actuator& type, const std::str
 void require_own_functions(const smartsurf_plugin_sensor& type, const std::string& subject) {
   if (type.sense == nullptr || type.mask_channel > type.channel_count)
     throw common::UserError(subject + ": sense must not be null, mask_channel a channel or 0");
+}
+
+// The fields of every Lua table of an actuator or sensor that are not in its kind's parameters.
+std::vector<std::string> common_fields(const smartsurf_plugin_actuator&) { return {"position"}; }
+
+std::vector<std::string> common_fields(const smartsurf_plugin_sensor&) {
+  std::vector<std::string> fields{"name", "calibration"};
+  for (const scene::Parameter& p : scene::sensor_error_parameters()) fields.push_back(p.name);
+  return fields;
 }
 
 // The name of an actuator or sensor of the extension `file`, as messages begin with it.
@@ -211,11 +237,14 @@ std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::s
   if (tables->actuators.empty() && tables->sensors.empty())
     throw common::UserError(file + ": adds no actuator and no sensor");
   std::vector<std::string> names;
-  const auto require_valid = [&file](const auto& kind) {
-    for (auto p = kind.parameters.begin(); p != kind.parameters.end(); ++p)
-      if (std::find_if(p + 1, kind.parameters.end(),
-                       [&p](const auto& other) { return other.name == p->name; }) != kind.parameters.end())
-        throw common::UserError(file + ": '" + kind.name + "' has two parameters '" + p->name + "'");
+  const auto require_valid = [&file](const auto& kind, std::vector<std::string> fields) {
+    for (const scene::Parameter& p : kind.parameters) {
+      if (std::ranges::any_of(fields, [&p](const std::string& other) {
+            return other == p.name || other.starts_with(p.name + '.') || p.name.starts_with(other + '.');
+          }))
+        throw common::UserError(file + ": '" + kind.name + "' has two fields '" + p.name + "'");
+      fields.push_back(p.name);
+    }
     if (const std::string problem = kind.validate(kind.default_spec()); !problem.empty())
       throw common::UserError(file + ": with its default parameters, " + problem);
   };
@@ -228,7 +257,7 @@ std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::s
       names.emplace_back(type.name);
       tables->parameters.push_back(read_parameters(type.parameters, type.parameter_count, subject));
       require_own_functions(type, subject);
-      require_valid(kind_of(type, tables->parameters.back()));
+      require_valid(kind_of(type, tables->parameters.back()), common_fields(type));
     }
   };
   read(tables->actuators, "actuator");

@@ -25,8 +25,7 @@ PluginActuator::PluginActuator(const smartsurf_plugin_actuator& type,
       .height = context.field.height.data(),
       .message = message.data()};
   instance_ = type.create(&plugin_context);
-  if (instance_ == nullptr)
-    throw common::UserError(std::string(type.name) + ": cannot be created: " + text_of(message));
+  require_created(instance_, type.name, message);
 }
 
 smartsurf_plugin_motion PluginActuator::motion(double dt_s, surface::Field& field) const noexcept {

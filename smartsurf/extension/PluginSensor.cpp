@@ -25,8 +25,7 @@ PluginSensor::PluginSensor(const smartsurf_plugin_sensor& type, std::span<const 
                   this,
                   &field};
   instance_ = type.create(&context);
-  if (instance_ == nullptr)
-    throw common::UserError(std::string(type.name) + ": cannot be created: " + text_of(message));
+  require_created(instance_, type.name, message);
 }
 
 std::uint32_t PluginSensor::add_ray(const smartsurf_plugin_sensor_context* plugin_context,

@@ -6,6 +6,12 @@ namespace smartsurf::extension {
 
 static_assert(static_cast<int>(scene::ShapeKind::kSolid) == SMARTSURF_SOLID);
 
+void require_created(const void* instance, const std::string& type, const Message& message) {
+  if (instance == nullptr)
+    throw common::UserError(type + ": cannot be created: " +
+                            (text_of(message).empty() ? "create() returns null" : text_of(message)));
+}
+
 std::vector<smartsurf_plugin_value> values_of(std::span<const scene::Parameter> parameters,
                                               const scene::ParameterValues& values) {
   std::vector<smartsurf_plugin_value> all;

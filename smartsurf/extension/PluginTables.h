@@ -22,6 +22,9 @@ inline std::string text_of(const Message& message) {
   return {message.data(), strnlen(message.data(), message.size())};
 }
 
+// Throws common::UserError with the message if create() has returned null.
+void require_created(const void* instance, const std::string& type, const Message&);
+
 // The elements of an array that steps by the size which its first element states. Throws common::UserError,
 // which begins with `subject`, if a size is not one of this or a later version, or the elements differ in it.
 template <class T>

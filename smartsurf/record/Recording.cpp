@@ -44,7 +44,7 @@ struct Recording::Contents {
     meta = std::move(recorded.meta);
     result = std::move(recorded.result);
     first_interaction_tick = recorded.first_interaction_tick;
-    read_surface(file, spec.surface);
+    actuator_models = read_surface(file, spec.surface);
     read_frames();
     read_catalogue(file, spec);
     open_delta_readers();
@@ -71,6 +71,7 @@ struct Recording::Contents {
   std::uint64_t bytes = 0;
   scene::SceneSpec spec;
   RunMetadata meta;
+  std::string actuator_models;
   std::optional<RunResult> result;
   std::vector<DatasetInfo> datasets;
   std::vector<std::uint64_t> ticks, state_hashes;
@@ -203,6 +204,7 @@ const fs::path& Recording::path() const { return contents_->path; }
 std::uint64_t Recording::file_bytes() const { return contents_->bytes; }
 const scene::SceneSpec& Recording::spec() const { return contents_->spec; }
 const RunMetadata& Recording::meta() const { return contents_->meta; }
+const std::string& Recording::actuator_models() const { return contents_->actuator_models; }
 const std::optional<RunResult>& Recording::result() const { return contents_->result; }
 const std::vector<Recording::DatasetInfo>& Recording::datasets() const { return contents_->datasets; }
 const std::vector<std::uint64_t>& Recording::ticks() const { return contents_->ticks; }

@@ -52,6 +52,7 @@ class Recording {
   // index = id; there are no sensors; materials have only a name; actuators of an unknown model become pins.
   const scene::SceneSpec& spec() const;
   const RunMetadata& meta() const;
+  const std::string& actuator_models() const;      // as recorded: "pin, wheels"
   const std::optional<RunResult>& result() const;  // nullopt if the run did not finish
   const std::vector<DatasetInfo>& datasets() const;
 

@@ -56,13 +56,10 @@ std::string variations_text(const std::vector<scene::Variation>& all) {
   return join_texts(texts, " = ");
 }
 
-std::string surface_text(const scene::SurfaceSpec& s) {
-  std::string models;
-  bool has_pins = false;
-  for (const scene::ActuatorSpec& actuator : s.effective_actuators()) {
-    models += ", " + actuator.model;
-    has_pins |= actuator.model == "pin";
-  }
+std::string surface_text(const Recording& recording) {
+  const scene::SurfaceSpec& s = recording.spec().surface;
+  const std::string models = ", " + recording.actuator_models();
+  const bool has_pins = (models + ",").find(", pin,") != std::string::npos;
   return concat(s.rows, " rows × ", s.columns, " columns, pitch ", s.pitch, " u", models,
                 has_pins ? concat(", tops ", s.pin.top_x, " × ", s.pin.top_y, " u, heights ",
                                   s.pin.min_height, " to ", s.pin.max_height, " u")
@@ -196,7 +193,7 @@ std::string describe_recording(const Recording& recording) {
   if (!recording.meta().varied.empty()) write_line(out, "varied", variations_text(recording.meta().varied));
   write_line(out, "seed", concat(recording.spec().world.seed));
   write_line(out, "physics", physics_text(recording));
-  write_line(out, "surface", surface_text(recording.spec().surface));
+  write_line(out, "surface", surface_text(recording));
   if (!recording.spec().objects.empty()) write_line(out, "objects", objects_text(recording.spec().objects));
   write_line(out, "sensors", sensors_text(recording));
   write_line(out, "frames", frames_text(recording));

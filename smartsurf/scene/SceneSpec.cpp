@@ -102,17 +102,13 @@ std::string validate_actuators(const SurfaceSpec& s) {
 // Checks the limits of the shared-memory protocol: channel count, name length and characters, unique names.
 std::string validate_channel_names(const std::vector<std::string>& channels, std::size_t actuator_channels) {
   constexpr std::size_t kMaxChannels = 32;
-  static const std::string kAllowedCharacters =
-      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-";
   if (channels.size() + actuator_channels > kMaxChannels)
     return "surface.sensors: " + std::to_string(channels.size()) + " sensor channels beside " +
            std::to_string(actuator_channels) + " of actuators: must be at most " +
            std::to_string(kMaxChannels) + " together";
   for (std::size_t i = 0; i < channels.size(); ++i) {
-    if (channels[i].empty() || channels[i].size() > 31 ||
-        channels[i].find_first_not_of(kAllowedCharacters) != std::string::npos)
-      return "surface.sensors: channel '" + channels[i] +
-             "': must be 1 to 31 letters, digits, '_', '.' and '-'";
+    if (!is_channel_name(channels[i]))
+      return "surface.sensors: channel '" + channels[i] + "': must be " + kChannelNameRule;
     if (std::count(channels.begin(), channels.end(), channels[i]) > 1)
       return "surface.sensors: two channels are called '" + channels[i] + "': give a sensor another name";
   }

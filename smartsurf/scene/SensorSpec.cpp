@@ -28,6 +28,12 @@ SensorSpec SensorKind::default_spec() const {
   return spec;
 }
 
+bool is_channel_name(std::string_view name) {
+  return !name.empty() && name.size() <= 31 && name[0] != '.' &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") ==
+             std::string_view::npos;
+}
+
 std::string SensorKind::validate(const SensorSpec& spec) const {
   if (std::string p = validate_values(name, parameters, spec.values); !p.empty()) return p;
   if (std::string p = validate_sensor_errors(name, spec.values); !p.empty()) return p;

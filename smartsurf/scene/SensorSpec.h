@@ -29,6 +29,10 @@ struct SensorChannel {
   bool is_exact = false;
 };
 
+// A rule of the shared-memory protocol for the names of all channels, and the rule in words.
+bool is_channel_name(std::string_view name);
+inline constexpr const char* kChannelNameRule = "1 to 31 letters, digits, '_', '.' and '-', not a dot first";
+
 // A table of per-cell calibration values (docs/sensors.md).
 struct CalibrationFile {
   std::string name;  // path as given by the user

@@ -132,8 +132,8 @@ bool is_in_border(const SurfaceSpec& surface, const Eigen::Vector3d& p) {
          surface.is_border(row, column);
 }
 
-// How far down what the object certainly contains reaches into cells with tops at that z or higher, u; 0 if
-// it is less than the allowed fraction, or if there may be no cell.
+// Depth of the object's core below `top` in cells that are at least that high, u. 0 if the depth is below the
+// allowed fraction, or if there may be no cell there.
 double depth_in_cells(const SurfaceSpec& surface, const ObjectSpec& o, double top) {
   const std::optional<Core> core = core_of(o);
   if (!core) return 0.0;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 
 #include "smartsurf/world/bullet/EngineFactory.h"
 
@@ -15,6 +16,15 @@ std::string describe_object(const scene::ObjectSpec& object) {
                      2.0 * object.half_extents().y(), 2.0 * object.half_extents().z(),
                      object.mass ? fmt::format("mass {:.4g}", *object.mass)
                                  : fmt::format("volume {:.4g} u³", object.volume()));
+}
+
+// Extensions alone give such speeds.
+std::optional<int> first_non_finite_cell(const surface::Field& field) {
+  for (const std::vector<float>* values :
+       {&field.speed, &field.surface_velocity_x, &field.surface_velocity_y, &field.surface_spin})
+    for (std::size_t i = 0; i < values->size(); ++i)
+      if (!std::isfinite((*values)[i])) return static_cast<int>(i);
+  return std::nullopt;
 }
 
 surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
@@ -199,11 +209,16 @@ std::optional<std::string> Simulation::failure() const {
   if (engine_->is_overloaded())
     return fmt::format("failed at tick {}: too many of the {} objects overlap: place them apart",
                        snapshot_.tick + 1, catalogue_.size());
-  if (const auto object = engine_->first_non_finite())
+  if (const auto object = engine_->first_non_finite()) {
+    if (const auto cell = first_non_finite_cell(actuator_array_.field()))
+      return fmt::format(
+          "failed at tick {}: the actuator of row {}, column {} gives it a speed that is not finite",
+          snapshot_.tick + 1, *cell / scene().surface.columns + 1, *cell % scene().surface.columns + 1);
     return fmt::format(
         "failed at tick {}: object {} has a position or velocity that is not finite: its size, "
         "mass or speed differs too much from its neighbours' for a step of {} s ({})",
         snapshot_.tick + 1, *object, scene().world.dt_s, describe_object(catalogue_[*object]));
+  }
   return std::nullopt;
 }
 

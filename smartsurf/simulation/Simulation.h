@@ -91,9 +91,9 @@ class Simulation final : public script::SimulationInterface {
   // The episode's nuisances, with the values drawn.
   const std::vector<scene::Variation>& nuisances() const noexcept { return nuisances_.drawn(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
-  // How many of the script's targets were outside their channel's range, or NaN, and replaced.
+  // Number of the script's targets that were replaced, because they were NaN or out of range.
   std::uint64_t clamped_targets() const noexcept { return clamped_targets_; }
-  // How many targets were NaN, whatever set them.
+  // Number of NaN targets, from the script or a controller.
   std::uint64_t nan_targets() const noexcept { return actuator_array_.nan_targets(); }
   std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }

@@ -130,8 +130,8 @@ class CollisionPipeline {
   struct LargeNeighbour {
     std::int32_t body, large;
   };
-  // A body that may move farther in this step than by its own bounding radius. The grid knows it by where it
-  // starts; what lies in its way is looked for in this box.
+  // A body that may move farther in this step than its bounding radius, and the bounds of its motion. The
+  // grid stores its start only.
   struct FastBody {
     std::int32_t body;
     Vec3 low, high;

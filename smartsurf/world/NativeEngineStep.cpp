@@ -254,8 +254,8 @@ void NativeEngine::stop_at_bodies(const Member& member) {
     const float time_s = sweep.time_of_overlap();
     float fraction = time_s / settings_.dt_s;
     if (time_s == PairSweep::kNever) {
-      // Free rotation follows the spin at the end of the step, which a hit may have changed by turns: bodies
-      // near each other must end in the pose to which the sweep has led them.
+      // Free rotation follows the spin at the end of the step. A hit may have changed that by whole turns, so
+      // bodies near each other end in the pose that the sweep has tested.
       const auto strays_by = [&](std::size_t i) {
         if (!bodies_.is_active(i) || bodies_.is_sphere[i]) return 0.0F;
         const int row = partition.row(static_cast<std::int32_t>(i));

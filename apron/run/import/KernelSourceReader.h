@@ -124,8 +124,7 @@ class KernelSourceReader final : KernelTranslation {
 
   std::vector<Function> all_functions_;
   std::vector<Loop> loops_;
-  // Tokens [first, second) of the last loop looked at that has neither a `break` nor a `return`, nor has one
-  // within it.
+  // Tokens [first, second) of the last loop examined that contains no `break` and no `return`.
   mutable std::pair<std::size_t, std::size_t> staying_;
   const Function* current_ = nullptr;
   bool returns_early_ = false;

@@ -83,13 +83,7 @@ void Board::on_line_lost() {
   accepted_ = false;
 }
 
-bool Board::flush() {
-  if (!port_ || out_.empty()) return true;
-  const auto written = port_->write(out_);
-  if (!written) return false;
-  out_.erase(out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(*written));
-  return true;
-}
+bool Board::flush() { return !port_ || port_->flush(out_); }
 
 void Board::enter_silence() {
   silent_ = true;

@@ -170,13 +170,7 @@ void Bridge::create_surface() {
 
 // ---- line
 
-bool Bridge::flush() {
-  if (!port_ || out_.empty()) return true;
-  const auto written = port_->write(out_);
-  if (!written) return false;
-  out_.erase(out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(*written));
-  return true;
-}
+bool Bridge::flush() { return !port_ || port_->flush(out_); }
 
 // Waits up to `timeout` for bytes from the device and processes them; sends pending output. Returns false if
 // the line is lost.

@@ -191,8 +191,8 @@ std::string Calibrator::disturbance(const TableTick& tick) const {
   return "";
 }
 
-// Whether all cells lie still at the level: what is in force answers this phase, and the readings of two
-// holds are alike.
+// True if all cells rest at the level: the commands in force belong to this phase, and the readings of two
+// successive holds agree.
 bool Calibrator::has_settled(const TableTick& tick, bool disturbed) {
   bool settles = !disturbed, late = false;
   for (std::size_t i = 0; i < records_.size(); ++i) {
@@ -348,8 +348,8 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
   return Answer::kCommands;
 }
 
-// What was in force, period by period. A frame that did not come had no answer, so that what the next one
-// says holds for it too.
+// The command in force in each period. A lost frame was not answered: what the next frame reports was in
+// force already.
 std::vector<std::int64_t> Calibrator::commands_in_force(const BoardRecord& r, std::size_t ticks) {
   std::vector<std::int64_t> in_force(ticks, Board::kSafeValues);
   for (std::size_t k = ticks; k-- > 0;)

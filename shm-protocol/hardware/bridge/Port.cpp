@@ -173,4 +173,12 @@ std::optional<std::size_t> Port::write(std::span<const std::uint8_t> from) {
   return is_only_busy(errno) ? std::optional<std::size_t>(0) : std::nullopt;
 }
 
+bool Port::flush(std::vector<std::uint8_t>& pending) {
+  if (pending.empty()) return true;
+  const auto written = write(pending);
+  if (!written) return false;
+  pending.erase(pending.begin(), pending.begin() + static_cast<std::ptrdiff_t>(*written));
+  return true;
+}
+
 }  // namespace hardware

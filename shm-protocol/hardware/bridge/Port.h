@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace hardware {
 
@@ -33,6 +34,8 @@ class Port {
   // Returns the number of bytes transferred, 0 if the call would block, nothing if the device is gone.
   std::optional<std::size_t> read(std::span<std::uint8_t>);
   std::optional<std::size_t> write(std::span<const std::uint8_t>);
+  // Writes and removes as many of the pending bytes as it can without blocking; false if the device is gone.
+  bool flush(std::vector<std::uint8_t>& pending);
 
  private:
   Port(int descriptor, bool tcp) : descriptor_(descriptor), tcp_(tcp) {}

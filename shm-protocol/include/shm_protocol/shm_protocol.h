@@ -45,10 +45,8 @@
 
 #if defined(__GNUC__)
 #define SSP_API __attribute__((visibility("default")))
-#define SSP_DEPRECATED(instead) __attribute__((deprecated("use " instead)))
 #else
 #define SSP_API
-#define SSP_DEPRECATED(instead)
 #endif
 
 #ifdef __cplusplus
@@ -250,7 +248,6 @@ SSP_API ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, c
                                          ssp_controller** out);
 SSP_API void ssp_controller_close(ssp_controller*);   /* null: no effect */
 SSP_API void ssp_controller_destroy(ssp_controller*); /* null: no effect */
-SSP_API void ssp_controller_detach(ssp_controller*) SSP_DEPRECATED("ssp_controller_destroy");
 /* After SSP_SURFACE_DEAD or SSP_SURFACE_CLOSED: waits for a new surface of the same name and attaches to it.
  * Invalidates all pointers. After an error only destroy, or another reconnect, is allowed. */
 SSP_API ssp_result ssp_controller_reconnect(ssp_controller*, int64_t timeout_ns, const ssp_stop*);

@@ -19,7 +19,6 @@ void ssp_controller_close(ssp_controller* controller) {
   if (controller) controller->endpoint.close();
 }
 void ssp_controller_destroy(ssp_controller* controller) { delete controller; }
-void ssp_controller_detach(ssp_controller* controller) { delete controller; }
 
 ssp_result ssp_controller_reconnect(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
   if (!k) return c::null_argument();

@@ -89,6 +89,13 @@ class _Problem:
         return out
 
 
+def _inverse(of: Array) -> Array:
+    """The inverses of 2 × 2 matrices. LAPACK would start its threads for each of them."""
+    (a, b), (c, d) = of[:, 0].T, of[:, 1].T
+    inverse: Array = np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None]
+    return inverse
+
+
 def _line(x: Array, y: Array, use: Array) -> tuple[Array, Array, Array]:
     """Slope, intercept and sum of squares of y over x, of each column."""
     n = np.maximum(use.sum(0), 1)
@@ -344,7 +351,7 @@ class _Search:
         two = np.eye(2)
         c_damped = c_matrix + (damping * c_matrix + 1e-12) * two
         inverse = np.zeros_like(c_damped)
-        inverse[self.good] = np.linalg.inv(c_damped[self.good])
+        inverse[self.good] = _inverse(c_damped[self.good])
         s_damped = s_matrix + damping * np.diag(np.diag(s_matrix)) + 1e-9 * np.eye(n)
         reduced = s_damped - np.einsum("cij,cjk,clk->il", m_matrix, inverse, m_matrix)
         right = s_vector - np.einsum("cij,cjk,ck->i", m_matrix, inverse, c_vector)
@@ -401,7 +408,7 @@ class _Search:
         """Standard errors of the shared logarithms, and of each cell's gain and offset."""
         s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
         inverse = np.zeros_like(c_matrix)
-        inverse[self.good] = np.linalg.inv(c_matrix[self.good] + 1e-12 * np.eye(2))
+        inverse[self.good] = _inverse(c_matrix[self.good] + 1e-12 * np.eye(2))
         n = len(self.free)
         reduced = s_matrix - np.einsum("cij,cjk,clk->il", m_matrix, inverse, m_matrix)
         covariance = np.linalg.pinv(reduced + 1e-9 * np.eye(n)) if n else np.zeros((0, 0))
@@ -417,7 +424,7 @@ class _Search:
         n = len(self.free)
         s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
         inverse = np.zeros_like(c_matrix)
-        inverse[self.good] = np.linalg.inv(c_matrix[self.good] + 1e-12 * np.eye(2))
+        inverse[self.good] = _inverse(c_matrix[self.good] + 1e-12 * np.eye(2))
         own = np.einsum("cij,cjk->cik", m_matrix, inverse)
         r = (self.p.y - self.p.late(self.base, self.fit.delay)) * self.use
         j = np.array([self.p.late(k, self.fit.delay) * self.use for k in self.slopes])

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._files import PathName, replaced
+from ._files import PathName
+from ._onnx import OnnxGraph
 
 FloatArray = NDArray[np.float32]
 
@@ -61,23 +62,8 @@ class NetworkPolicy:
         """Writes an ONNX model, from `observation`, float32 (worlds, *observation_shape), to `action`, float32 (worlds,
         *action_shape). `smartsurf run --controller` runs it, where the observation is that of an `Env`. Needs the package onnx.
         """
-        try:
-            import onnx
-            from onnx import TensorProto, helper, numpy_helper
-        except ImportError as error:
-            raise ImportError("export needs onnx: pip install onnx") from error
-        nodes: list[Any] = []
-        constants: list[Any] = []
-
-        def constant(value: Any, kind: Any = np.float32) -> str:
-            constants.append(numpy_helper.from_array(np.ascontiguousarray(value, kind), f"constant{len(constants)}"))
-            return str(constants[-1].name)
-
-        def apply(operator: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
-            name = output or f"value{len(nodes)}"
-            nodes.append(helper.make_node(operator, list(inputs), [name], **attributes))
-            return name
-
+        graph = OnnxGraph()
+        constant, apply = graph.constant, graph.apply
         sensed = apply("Sub", "observation", constant(self.mean)) if self.mean.any() else "observation"
         value = apply("Div", sensed, constant(self.scale))
         for number, (weights, biases) in enumerate(self.layers):
@@ -90,12 +76,4 @@ class NetworkPolicy:
         value = apply("Reshape", value, constant([0, *self.action_shape] if self.action_shape else [0], np.int64))
         value = apply("Add", apply("Mul", value, constant((self.high - self.low) / 2)), constant((self.high + self.low) / 2))
         apply("Min", apply("Max", value, constant(self.low)), constant(self.high), output="action")
-
-        def described(name: str, shape: Sequence[int]) -> Any:
-            return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["worlds", *shape])
-        graph = helper.make_graph(nodes, "policy", [described("observation", self.observation_shape)],
-                                  [described("action", self.action_shape)], initializer=constants)
-        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-        onnx.checker.check_model(model)
-        with replaced(path) as part:
-            part.write_bytes(model.SerializeToString())
+        graph.write(path, {"observation": self.observation_shape}, {"action": self.action_shape})

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._files import PathName, replaced
+from ._onnx import OnnxGraph
 
 FloatArray = NDArray[np.float32]
 
@@ -312,25 +313,8 @@ def export_onnx(policy: LocalPolicy, path: PathName) -> None:
 
     Inputs are the sensor channels by name ('colour.r' is one), then MEMORY0, …: float32, worlds × rows × columns. Outputs are
     the command channels, then NEXT_MEMORY0, …, the memory of the next tick, which starts at 0."""
-    try:
-        import onnx
-        from onnx import TensorProto, helper, numpy_helper
-    except ImportError as error:
-        raise ImportError("export_onnx needs onnx: pip install onnx") from error
-    nodes: list[Any] = []
-    constants: dict[str, Any] = {}
-
-    def constant(value: Any, kind: Any = np.float32) -> str:
-        array = np.asarray(value, kind)
-        name = f"constant{len(constants)}"
-        constants[name] = numpy_helper.from_array(array, name)
-        return name
-
-    def apply(operator: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
-        name = output or f"value{len(nodes)}"
-        nodes.append(helper.make_node(operator, list(inputs), [name], **attributes))
-        return name
-
+    graph = OnnxGraph()
+    constant, apply, to_float = graph.constant, graph.apply, graph.onnx.TensorProto.FLOAT
     sensed = [name for name in policy.inputs if name not in ("row", "column")]
     memory = [f"MEMORY{k}" for k in range(policy.memory)]
     if not sensed and not memory:
@@ -340,8 +324,8 @@ def export_onnx(policy: LocalPolicy, path: PathName) -> None:
     def coordinate(name: str) -> str:
         axis = 1 if name == "row" else 2
         size = apply("Squeeze", apply("Gather", shape, constant([axis], np.int64), axis=0))
-        count = apply("Cast", size, to=TensorProto.FLOAT)
-        places = apply("Cast", apply("Range", constant(0, np.int64), size, constant(1, np.int64)), to=TensorProto.FLOAT)
+        count = apply("Cast", size, to=to_float)
+        places = apply("Cast", apply("Range", constant(0, np.int64), size, constant(1, np.int64)), to=to_float)
         middle = apply("Mul", apply("Sub", count, constant(1)), constant(0.5))
         line = apply("Sub", places, middle)
         axes = constant([0, 2] if name == "row" else [0, 1], np.int64)
@@ -380,12 +364,5 @@ def export_onnx(policy: LocalPolicy, path: PathName) -> None:
         planes = [apply("Min", apply("Max", plane, constant(low)), constant(high), output=name if last else None)
                   for (name, low, high), plane in zip(results, planes)]
         state = planes[len(policy.actions):]
-
-    def values(names: Sequence[str]) -> list[Any]:
-        return [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["worlds", "rows", "columns"]) for name in names]
-    graph = helper.make_graph(nodes, "policy", values([*dict.fromkeys(sensed), *memory]),
-                              values([name for name, _, _ in results]), initializer=list(constants.values()))
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    onnx.checker.check_model(model)
-    with replaced(path) as part:
-        part.write_bytes(model.SerializeToString())
+    size_of_surface = ["rows", "columns"]
+    graph.write(path, dict.fromkeys([*sensed, *memory], size_of_surface), {name: size_of_surface for name, _, _ in results})

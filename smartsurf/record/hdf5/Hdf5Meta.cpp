@@ -73,6 +73,8 @@ void archive_surface(const Archive& a, Surface& surface) {
   }
 }
 
+constexpr const char* kActuator = "actuator";
+
 // The models, separated by commas: "pin, wheels".
 std::string actuator_names(const scene::SurfaceSpec& surface) {
   std::string names;
@@ -142,7 +144,7 @@ void write_result(hid_t file, const RunResult& result) {
 void write_surface(hid_t file, const scene::SurfaceSpec& surface) {
   const Handle group = create_group(file, paths::kSurface);
   archive_surface(AttributeWriter(group), surface);
-  write_attribute(group, "actuator", actuator_names(surface));
+  write_attribute(group, kActuator, actuator_names(surface));
   write_layout(group, surface);
 }
 
@@ -170,11 +172,15 @@ RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
   return recorded;
 }
 
-void read_surface(hid_t file, scene::SurfaceSpec& surface) {
+std::string read_surface(hid_t file, scene::SurfaceSpec& surface) {
   const Handle group = open_group(file, paths::kSurface);
-  archive_surface(AttributeReader(group), surface);
+  const AttributeReader read(group);
+  archive_surface(read, surface);
   read_layout(group, surface);
   if (const std::string problem = scene::validate(surface); !problem.empty()) throw Hdf5Error(problem);
+  std::optional<std::string> models;
+  read(kActuator, models);
+  return models.value_or(actuator_names(surface));
 }
 
 }  // namespace smartsurf::record

@@ -19,6 +19,7 @@ struct RecordedMeta {
 // Fills in the file, source, options, world and record of `spec`. Refuses what is not a recording of this
 // format.
 RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec);
-void read_surface(hid_t file, scene::SurfaceSpec& surface);
+// Returns the models of its actuators, separated by commas.
+std::string read_surface(hid_t file, scene::SurfaceSpec& surface);
 
 }  // namespace smartsurf::record

@@ -455,7 +455,7 @@ void Hdf5Recorder::OpenFile::drop_sensors() {
   check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
 }
 
-// Where there is no room for sensors that nobody asked for, there may be some for the rest.
+// If the disk lacks room for sensors that are recorded by default, records without them.
 void Hdf5Recorder::OpenFile::preallocate(std::uint64_t max_bytes, std::uint64_t max_sensor_bytes) {
   try {
     preallocator.preallocate(max_bytes + max_sensor_bytes);

@@ -19,7 +19,7 @@ class Progress {
   // Clears the line and prints a message on stderr.
   void print_message(const std::string& message);
   void restart();  // the real-time factor counts from now
-  // Time that does not count for the real-time factor, but for the time left.
+  // Leaves the time out of the real-time factor, but not out of the estimate of the time left.
   void leave_out(std::chrono::steady_clock::duration time) { left_out_ += time; }
 
  private:

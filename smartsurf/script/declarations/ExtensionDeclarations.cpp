@@ -25,7 +25,7 @@ int require_extension(ScriptContext& context, lua_State* L) {
     if (!context.options.load_extension)
       throw ScriptError("extension " + format_value(L, 1) +
                         ": is not loaded, and a script may not load native code: give --load " +
-                        to_single_line(name) + ", or --allow-extensions");
+                        to_single_line(name) + " or --allow-extensions, or call load_extension()");
     context.options.load_extension(resolve_readable_path(context, "extension", path));
   }
   bind_actuators(L, name);

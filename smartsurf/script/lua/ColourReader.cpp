@@ -1,6 +1,6 @@
-#include <algorithm>
 #include <array>
-#include <cctype>
+#include <charconv>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -33,22 +33,14 @@ constexpr std::array<NamedColour, 15> kColours{{
     {"yellow", {0.95f, 0.82f, 0.18f}},
 }};
 
-int hex_digit(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
 scene::Colour from_hex(const std::string& text, const std::string& name) {
-  const bool digits = std::all_of(text.begin() + 1, text.end(), [](char c) { return hex_digit(c) >= 0; });
-  if (text.size() != 7 || !digits)
+  std::uint32_t rgb = 0;
+  const char* const end = text.data() + text.size();
+  if (text.size() != 7 || std::from_chars(text.data() + 1, end, rgb, 16).ptr != end)
     throw ScriptError(name + " = '" + to_single_line(text.substr(0, 20)) +
                       "': must be '#rrggbb', six hexadecimal digits");
-  const auto component = [&](std::size_t i) {
-    return static_cast<float>(hex_digit(text[i]) * 16 + hex_digit(text[i + 1])) / 255.0f;
-  };
-  return {component(1), component(3), component(5)};
+  const auto component = [rgb](int shift) { return static_cast<float>((rgb >> shift) & 0xFFU) / 255.0f; };
+  return {component(16), component(8), component(0)};
 }
 
 scene::Colour from_name(lua_State* L, int index, const std::string& text, const std::string& name) {

@@ -202,7 +202,7 @@ renderer.domElement.addEventListener('pointerup', (event) => {
 new ResizeObserver(() => table?.resize()).observe(byId('scene-area'));
 window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => table?.setColours());
 
-// For tests: runs an experiment, as the menu has it, to a simulated time; state.hash has the hash then.
+// For tests: runs the menu's experiment up to a simulated time and sets state.hash.
 state.until = (index, seed, seconds) => {
   byId('experiment').value = index;
   choose();

@@ -39,7 +39,7 @@ function advance() {
   scheduled = false;
   if (speed === 0) return;
   const now = performance.now();
-  // What a slow machine cannot make up for is dropped.
+  // On a slow machine the backlog is bounded, and the simulation falls behind real time.
   behind_s = Math.min(behind_s + (now - last_ms) / 1000 * speed, 0.1 * Math.max(speed, 1));
   last_ms = now;
   const period = live.period;

@@ -89,7 +89,8 @@ struct Shape {
 // A sphere that does not turn as one, because its centre of mass or its inertia is not that of a sphere,
 // becomes a capsule without a cylinder.
 Shape make_shape(const scene::ObjectSpec&);
-// A shape that is no solid. height: of a round one; half_extents: of its bounding box about the origin, u.
+// A shape other than a solid. `height` is that of a round shape; `half_extents` are those of the bounding box
+// about the origin, u.
 Shape make_primitive(scene::ShapeKind, float radius, float height, const Vec3& half_extents);
 
 // The object's mass if given, else density times volume; 0 for a fixed object.

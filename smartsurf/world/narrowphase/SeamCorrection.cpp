@@ -8,8 +8,8 @@
 namespace smartsurf::world {
 namespace {
 
-// A body matters to what lies on others if it moves against them by more than this, u/s; they move together
-// if they do so by less than kTogether and this share of it.
+// A body slides on others at a relative speed above kSliding, u/s. Those others move together if their
+// relative speed is below kTogether, or below kTogetherShare of the sliding speed.
 constexpr float kSliding = 0.05F, kTogether = 0.05F, kTogetherShare = 0.1F;
 constexpr float kUnusedSeparation = 1e6F;  // u: exerts no impulse
 

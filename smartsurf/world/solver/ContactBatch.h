@@ -11,7 +11,7 @@ namespace smartsurf::world {
 
 // Penetration up to this depth, u, is not resolved, so that resting bodies keep their contacts.
 inline constexpr float kSlop = 1e-3F;
-// Likewise between two bodies that are no spheres, which stack.
+// The same between two non-spheres, which form stacks.
 inline constexpr float kPairSlop = 5e-4F;
 
 // Rows by index; rows of static bodies are never written.

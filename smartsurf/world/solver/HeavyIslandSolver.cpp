@@ -20,23 +20,23 @@ constexpr float kTouchingSeparation = 1e-3F;
 constexpr double kCompliance = 1e-3;
 // The part of a steady load that deflects no spring; see SubstepParams::steady_share.
 constexpr double kSteadyShare = 0.8;
-// How far two bodies overlap without being pushed out.
+// Two bodies overlap this far without being pushed out, u.
 float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? kPairSlop : kSlop; }
-// The greatest deflection of a contact under its load, u.
+// A load deflects a contact at most this far, u.
 float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
 constexpr int kMaxPasses = 12;
-// More than the weight of a body, in its weights, that rests on another, and less than that of what bears
-// one.
+// A contact with a load below this many weights of the lighter body carries that body alone: the load of a
+// body at rest is below, that of a body that bears another one above.
 constexpr float kOwnWeight = 3.0F;
-// A contact bears no more than this many times the weight, the forces and the momentum of its island; what
-// does is wedged, and its stresses are no load.
+// A contact whose load exceeds the sum of its island's weights, forces and momentum by this factor is wedged:
+// its load is an internal stress.
 constexpr double kGreatestLeverage = 8.0;
 
 // Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep;
 // the sweeps solve it.
 constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
-// A load that presses a contact by so many times what it yields in the direct solver makes an island heavy;
-// one by the lesser times makes one sink that has bodies enough to add it up to a depth that matters.
+// Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
+// kDeepTogether do so in an island of at least kLeastSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kLeastSinkingBodies = 8;
 
@@ -81,15 +81,15 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
     const float lighter = std::max(a, b), heavier = std::min(a, b);
     const bool of_unequal = heavier > 0.0F && lighter > kHeavyLoad * heavier;
-    // The speed that the load gives to its bearer in a substep. Spheres have springs that nothing stiffens.
+    // The speed that the load gives to its bearer in a substep. The springs of spheres are never stiffened.
     const float loading = load[lane] * lighter;
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
-    // In parts of what a contact yields in the direct solver.
+    // As a multiple of what the contact yields in the direct solver.
     const float excess =
         is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
-    // The lighter one of an unequal pair bears the heavier one where it is below it; where it lies on it,
-    // only what it bears itself.
+    // Of an unequal pair, the lighter body bears the heavier one if it is below it. On top of it, it presses
+    // only with what it bears itself.
     const float(&normal)[3][kLanes] = points.point[o.first_point].normal;  // from b to a
     const float up = -weight.dot(Vec3(normal[0][lane], normal[1][lane], normal[2][lane]));
     const bool is_below = (a >= b ? -up : up) > 0.0F;

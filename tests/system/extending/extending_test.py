@@ -23,8 +23,8 @@ def extract(page, folder):
     names = re.findall(r"`scripts/extensions/([\w.]+)`", text)
     for name in names:
         shutil.copy(ROOT / "scripts/extensions" / name, folder)
-    for block in re.findall(r"^```\w+\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
-        name = re.match(r"(?://|--|#) ([\w.]+\.(?:c|cpp|lua|txt))\n", block)
+    for block in re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        name = re.match(r"(?://|--|#) ([\w.]+\.(?:aps|c|cpp|lua|txt))\n", block)
         if name:
             (folder / name[1]).write_text(block)
             names.append(name[1])
@@ -85,6 +85,10 @@ class Extensions(Installed):
         self.assertEqual(standing, 0.0)
         self.assertAlmostEqual(falling, 9.81 * 0.1, delta=0.05)
 
+    def test_a_module_is_built_with_the_installed_header(self):
+        call(CC, *STRICT, "-shared", "-fPIC", f"-I{self.prefix}/include/apron", "-o", self.work / "example.so", self.work / "example.c", "-lm")
+        self.assertEqual(self.run_program(APRON, "run", str(self.work / "example.aps"), "--module", "example"), (0, "5\n", ""))
+
     def test_fields_are_checked_as_those_of_built_in_kinds(self):
         for text, message in (
                 ("surface { actuator = belt { max_sped = 3 } }", "belt: unknown field 'max_sped' (did you mean 'max_speed'?)"),
@@ -117,7 +121,7 @@ class Extensions(Installed):
         script.write_text((self.work / "belt.lua").read_text())
         err = self.run_simulator("check", script, status=2)
         self.assertRegex(err, r"belt.lua:2: extension 'belt.so': is not loaded, and a script may not load native code: give "
-                              r"--load belt.so, or --allow-extensions$")
+                              r"--load belt.so or --allow-extensions, or call load_extension\(\)$")
         self.run_simulator("check", script, "--allow-extensions")
         self.run_simulator("check", script, "--load", self.belt)
         self.run_simulator("run", script, "--unsafe", "--no-controller", "--ticks", 1)
@@ -133,7 +137,9 @@ class Extensions(Installed):
 
     def test_a_recording_names_its_extension_and_is_verified(self):
         self.run_simulator("run", self.work / "belt.lua", "--load", self.belt, "--no-controller", "--ticks", 40, "--record", "b.h5")
-        self.assertRegex(self.run_simulator("info", "b.h5"), r"extensions +belt.so [0-9a-f]{16}\n")
+        info = self.run_simulator("info", "b.h5")
+        self.assertRegex(info, r"extensions +belt.so [0-9a-f]{16}\n")
+        self.assertIn("pitch 1 u, belt\n", info)
         self.assertIn("identical in 41 frames", self.run_simulator("replay", "b.h5", "--verify", "--load", self.belt))
         self.assertIn("identical", self.run_simulator("replay", "b.h5", "--verify", "--load", self.belt, "--threads", 2))
         self.assertRegex(self.run_simulator("replay", "b.h5", "--verify", status=2),
@@ -178,7 +184,7 @@ class Refusals(Installed):
     """Damaged extensions end the program with one line and exit status 2."""
     PAGE = "docs/extending.md"
 
-    def refuse(self, source, *changes):
+    def build(self, source, *changes):
         text = (self.work / source).read_text()
         for old, new in changes:
             self.assertIn(old, text)
@@ -186,7 +192,10 @@ class Refusals(Installed):
         (self.folder / source).write_text(text)
         shared = self.folder / source.replace(".c", ".so")
         call(CC, "-shared", "-fPIC", f"-I{self.include}", "-o", shared, self.folder / source, "-lm")
-        return self.refusal(shared)
+        return shared
+
+    def refuse(self, source, *changes):
+        return self.refusal(self.build(source, *changes))
 
     def refusal(self, *files):
         loads = [word for file in files for word in ("--load", file)]
@@ -212,7 +221,13 @@ class Refusals(Installed):
         self.assertIn("actuator 'pin': an actuator or sensor of this name exists already",
                       self.refuse("belt.c", ('.name = "belt"', '.name = "pin"')))
         self.assertIn("has an invalid name", self.refuse("belt.c", ('.name = "belt"', '.name = "my belt"')))
-        self.assertIn("has two parameters 'latency'", self.refuse("belt.c", ('"max_speed"', '"latency"')))
+        for name in ("latency", "position", "max_acceleration", "max_acceleration.x"):
+            self.assertIn("'belt' has two fields '", self.refuse("belt.c", ('"max_speed"', f'"{name}"')))
+        for name in ("noise", "name"):
+            self.assertIn(f"'speed' has two fields '{name}'", self.refuse("speed.c", ('"range"', f'"{name}"')))
+        for name in ("", "my speed", ".speed", "s" * 32):
+            self.assertIn("must have a name of its own, 1 to 31 letters", self.refuse("belt.c", ('1, "speed"', f'1, "{name}"')))
+        self.assertIn("channel 'speed x': must", self.refuse("speed.c", ('1, "", "u/s"', '1, " x", "u/s"')))
         same = self.folder / "speed.so"
         same.write_bytes((self.work / "built/belt.so").read_bytes())
         self.assertIn("another extension of this name is loaded already", self.refusal(self.work / "built/speed.so", same))
@@ -224,11 +239,24 @@ class Refusals(Installed):
     def test_tables(self):
         self.assertIn("parameter 'max_speed': its default must be within its limits", self.refuse("belt.c", ("{2, 0, 0}", "{-2, 0, 0}")))
         self.assertIn("parameter 'max_speed': no type 77", self.refuse("belt.c", (".type = SMARTSURF_NUMBER", ".type = 77")))
+        self.assertIn("no unit of at most 15 bytes", self.refuse("belt.c", ('"u/s", -1', f'"{16 * "u"}", -1')))
+        self.assertIn("at most 1 components", self.refuse("belt.c", ('1, "speed"', '2, "speed"')))
+        self.assertIn("default parameters, belt.configure(): refuses", self.refuse("belt.c", ("return 0;\n}\n\ntypedef", "return 1;\n}\n\ntypedef")))
+        self.assertIn("default parameters, belt.min_height: must not exceed max_height",
+                      self.refuse("belt.c", ("= -values[MAX_SPEED].x;", "= -values[MAX_SPEED].x;\n  configuration->max_height = -1;")))
         self.assertIn("must have 1 to 32 channels", self.refuse("belt.c", (".channel_count = 1", ".channel_count = 0")))
         self.assertIn("create and destroy must not be null", self.refuse("belt.c", (".destroy = free,", "")))
         self.assertIn("plan, and add_forces if it exerts forces, must not be null", self.refuse("belt.c", (".plan = plan,", "")))
         self.assertIn("needs a finite range that holds its neutral value", self.refuse("belt.c", ("minimum = -values", "minimum = 2 * values")))
         self.assertIn("adds no actuator and no sensor", self.refuse("belt.c", (".actuator_count = 1", ".actuator_count = 0")))
+
+    def test_failures_during_a_run(self):
+        def run(*changes):
+            return "".join(self.run_program(SMARTSURF, "run", str(self.work / "belt.lua"), "--load", str(self.build("belt.c", *changes)),
+                                            "--no-controller", "--ticks", "3")[1:])
+        self.assertIn("belt: cannot be created: create() returns null", run(("belts* b = malloc(sizeof *b);", "return NULL;\n  belts* b = NULL;")))
+        self.assertIn("failed at tick 1: the actuator of row 1, column 1 gives it a speed that is not finite",
+                      run(("surface_velocity_x[i] +=", "surface_velocity_x[i] = NAN +")))
 
     def test_an_extension_with_an_error_adds_nothing(self):
         # Of a good actuator and a bad one, neither exists; so the script finds no 'belt'.

@@ -314,17 +314,6 @@ TEST_F(CApi, DestroyClosesWhatIsStillOpen) {
   EXPECT_EQ(ssp_observer_latest(observer, SSP_SENSOR), SSP_SURFACE_CLOSED);
 }
 
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
-TEST_F(CApi, DeprecatedDetachDestroys) {
-  start("c-detach");
-  ASSERT_EQ(ssp_surface_await_controller(surface, 0, nullptr), SSP_OK);
-  ssp_controller_detach(std::exchange(controller, nullptr));
-  EXPECT_EQ(ssp_surface_publish(surface, 0, 0.0, 0), SSP_OK);
-  EXPECT_EQ(ssp_surface_await(surface, 0, SSP_FOREVER, nullptr), SSP_CONTROLLER_CLOSED);
-}
-#pragma GCC diagnostic pop
-
 TEST_F(CApi, ReconnectsToTheNextSurface) {
   start("c-again");
   ssp_surface_destroy(surface);

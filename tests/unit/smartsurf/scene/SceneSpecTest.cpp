@@ -79,7 +79,9 @@ TEST(SurfaceSpec, ChannelNamesMustBeUnique) {
   s.sensors[1].name = "a";
   EXPECT_EQ(validate(s), "surface.sensors: two channels are called 'a': give a sensor another name");
   s.sensors[1].name = "b c";
-  EXPECT_EQ(validate(s), "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-'");
+  EXPECT_EQ(
+      validate(s),
+      "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-', not a dot first");
   s.sensors.assign(16, proximity);
   EXPECT_EQ(validate(s),
             "surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
