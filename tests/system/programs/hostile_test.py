@@ -411,6 +411,22 @@ class ScriptFiles(Hostile):
             self.assertIn("'a' has other names", err)
 
 
+class ScriptMemory(Hostile):
+    """What the program keeps of a script's texts is bounded too, not only Lua's heap."""
+
+    def test_long_texts_are_refused(self):
+        long = "('x'):rep(70000)"
+        for text, expected in ((f"option('o', 1, {long})", "help = .*at most 64 KiB"), (f"option('o', {long}, '')", "default = .*at most 64 KiB"),
+                               (f"material {{ name = {long} }}", "at most 64 KiB"), (f"info {{ [{long}] = 0 }}", "at most 64 KiB"),
+                               (f"random_stream({long})", "at most 64 KiB"),
+                               ("local s = ('x'):rep(9 << 20) print(s, s)", "print: .*longer than 16 MiB"),
+                               ("local s = ('x'):rep(9 << 20) io.write(s, s)", "io.write: .*longer than 16 MiB")):
+            status, out, err = self.run_program(SMARTSURF, "check", self.write("s.lua", TABLE + text + "\n"))
+            self.assertEqual(status, 2, text)
+            self.assertRegex(err, expected)
+            self.assertEqual(out, "")
+
+
 class Recordings(Hostile):
     """A recording may hold anything: no reader crashes on it, and running it again reads nothing that the run did not."""
 
