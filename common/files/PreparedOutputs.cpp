@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/error/UserError.h"
+#include "common/files/Inputs.h"
 
 namespace common {
 namespace {
@@ -80,6 +81,7 @@ std::optional<fs::path> prepared_part(const fs::path& name) {
 bool is_prepared(const fs::path& part) noexcept { return find(part) < outputs.size(); }
 
 std::error_code rename_part(const fs::path& part, const fs::path& name) {
+  if (const std::error_code refusal = withheld(name)) return refusal;
   if (const std::size_t number = find(part); number < outputs.size()) return keeper.name(number);
   std::error_code error;
   fs::rename(part, name, error);

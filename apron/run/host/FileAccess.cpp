@@ -24,6 +24,7 @@ fs::path real_path(const fs::path& path) {
 }  // namespace
 
 void FileAccess::require_readable(const std::string& file) const {
+  if (common::withhold_output(file)) throw_refused(file, "is an output of this command");
   if (!folders_) return;
   const fs::path real = real_path(file);
   const bool allowed = !real.empty() && std::ranges::any_of(*folders_, [&](const std::string& folder) {

@@ -56,6 +56,7 @@ fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subjec
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
   if (common::is_input(real)) throw_path_error(subject, path, "is an input of this run");
+  if (common::withhold_output(real)) throw_path_error(subject, path, "is an output of this run");
   if (const std::uintmax_t links = fs::hard_link_count(real, error); !error && links > 1)
     throw_path_error(subject, path, "has other names, which are not the script's to write: delete this one");
   return real;
@@ -162,6 +163,9 @@ fs::path resolve_readable_path(const Sandbox& sandbox, const std::string& subjec
                      "is outside the script's folder and the output folder; --unsafe allows it");
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
+  if (common::withhold_output(real)) throw_path_error(subject, path, "is an output of this run");
+  // The script may overwrite what it has written itself.
+  if (output.empty() || !is_within(real, output)) common::note_input(real);
   return real;
 }
 

@@ -133,7 +133,31 @@ class Outputs(Hostile):
                     (APRON, "run", "p.aps", "--save", "A=link.npy"), (APRON, "run", "p.aps", "--profile", "p.aps")]
         if WITH_VIEW:
             commands += [(*run, "--screenshot", "link.png", *SMALL_PICTURE)]
-        self.check_refusals(commands, "would overwrite an input")
+        self.check_refusals(commands, "would overwrite an input|is an output of this run")
+
+    def test_files_that_a_script_or_program_reads_are_kept(self):
+        self.write("data.csv", "1\n")
+        os.link(self.folder / "data.csv", self.folder / "hard.json")
+        (self.folder / "link.json").symlink_to("data.csv")
+        for name, text in (("at_once", "for line in io.lines('data.csv') do end"), ("caught", "pcall(io.open, 'data.csv')"),
+                           ("late", "at(0.02, function() for line in io.lines('data.csv') do end end)"),
+                           ("late_caught", "at(0.02, function() pcall(io.open, 'data.csv') end)"),
+                           ("late_module", "at(0.02, function() require 'part' end)")):
+            self.write(name + ".lua", TABLE + text + "\n")
+        for name, text in (("open", "A = io.array.open('data.csv')"), ("save", "io.array.save(A, 'data.csv')")):
+            self.write(name + ".aps", f"!register(A)\n{text}\n")
+        before = self.contents()
+        for command in [(SMARTSURF, "run", f"{name}.lua", "--no-controller", "--ticks", 3, *output)
+                        for name in ("at_once", "caught", "late", "late_caught")
+                        for output in (("--stats", "data.csv"), ("--stats", "hard.json"), ("--stats", "link.json"), ("--record", "data.csv"))] + \
+                       [(SMARTSURF, "run", "late_module.lua", "--no-controller", "--ticks", 3, "--stats", "part.lua"),
+                        (APRON, "run", "open.aps", "--size", "1x1", "--save", "A=data.csv"),
+                        (APRON, "run", "open.aps", "--size", "1x1", "--profile", "hard.json"),
+                        (APRON, "run", "save.aps", "--size", "1x1", "--save", "A=data.csv")]:
+            status, out, err = self.run_program(*map(str, command))
+            self.assertIn(status, (1, 2), f"{command}: {out}{err}")
+            self.assertRegex(err, "is an output of this|reads or writes it itself", command)
+            self.assertEqual(self.contents(), before, command)
 
     def test_outputs_are_separate_files(self):
         run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
