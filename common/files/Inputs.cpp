@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "common/error/UserError.h"
+#include "common/files/RealPath.h"
 
 namespace common {
 namespace {
@@ -46,9 +47,8 @@ bool identify(const fs::path& file, FileIdentity& identity) {
     identity = {status.st_dev, status.st_ino, ""};
     return S_ISREG(status.st_mode);
   }
-  std::error_code error;
-  fs::path target = fs::weakly_canonical(file, error);
-  if (error) target = file;
+  fs::path target = real_path(file);
+  if (target.empty()) target = file;
   const fs::path folder = target.parent_path();
   if (::stat(folder.empty() ? "." : folder.c_str(), &status) != 0) return false;
   identity = {status.st_dev, status.st_ino, target.filename().string()};

@@ -12,6 +12,7 @@
 
 #include "common/error/UserError.h"
 #include "common/files/Inputs.h"
+#include "common/files/RealPath.h"
 
 namespace common {
 namespace {
@@ -40,8 +41,8 @@ PreparedOutput prepare_output(const std::string& subject, const fs::path& name, 
   if (const fs::file_status status = fs::symlink_status(name, error);
       fs::exists(status) && !fs::is_regular_file(status)) {
     output.in_place = true;
-    output.part = fs::weakly_canonical(name, error);
-    if (error) output.part = name;
+    output.part = real_path(name);
+    if (output.part.empty()) output.part = name;
     if (fs::exists(output.part, error)) return output;
   } else if (is_own_file(part)) {
     return output;

@@ -10,6 +10,7 @@
 
 #include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
+#include "common/files/RealPath.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -22,12 +23,6 @@ constexpr const char* kModuleTable = "smartsurf.modules";
 bool is_within(const fs::path& path, const fs::path& folder) {
   const auto [f, p] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
   return f == folder.end() || (std::next(f) == folder.end() && f->empty());
-}
-
-fs::path canonical_path(const fs::path& path) {
-  std::error_code error;
-  const fs::path real = fs::weakly_canonical(path, error);
-  return error ? fs::path() : real;
 }
 
 [[noreturn]] void throw_path_error(const std::string& subject, const std::string& path,
@@ -49,7 +44,8 @@ fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subjec
   if (sandbox.options.output_folder.empty())
     throw_path_error(subject, path, "cannot be written: this run has no output folder");
   create_output_folder(sandbox.options.output_folder);
-  const fs::path output = canonical_path(sandbox.options.output_folder), real = canonical_path(output / path);
+  const fs::path output = common::real_path(sandbox.options.output_folder),
+                 real = common::real_path(output / path);
   if (real.empty() || output.empty() || !is_within(real, output))
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
   std::error_code error;
@@ -151,11 +147,11 @@ int require(Sandbox& sandbox, lua_State* L) {
 fs::path resolve_readable_path(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
   if (sandbox.options.unsafe) return sandbox.script_folder / path;
   const fs::path output =
-      sandbox.options.output_folder.empty() ? fs::path() : canonical_path(sandbox.options.output_folder);
-  fs::path real = canonical_path(sandbox.script_folder / path);
+      sandbox.options.output_folder.empty() ? fs::path() : common::real_path(sandbox.options.output_folder);
+  fs::path real = common::real_path(sandbox.script_folder / path);
   std::error_code error;
-  if (!fs::exists(real, error) && !output.empty() && fs::exists(canonical_path(output / path), error))
-    real = canonical_path(output / path);
+  if (!fs::exists(real, error) && !output.empty() && fs::exists(common::real_path(output / path), error))
+    real = common::real_path(output / path);
   const bool inside = !real.empty() && (is_within(real, sandbox.script_folder) ||
                                         (!output.empty() && is_within(real, output)));
   if (!inside)

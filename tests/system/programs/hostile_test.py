@@ -166,6 +166,22 @@ class Outputs(Hostile):
                              (*run, "--worlds", 2, "--record", "a.h5", "--stats", "a-1.h5"),
                              (APRON, "run", "p.aps", "--save", "A=a.npy", "--save", "A=./a.npy")), "is the same file as")
 
+    def test_a_dangling_link_stands_for_the_file_that_it_names(self):
+        (self.folder / "x.json").symlink_to("new.json")
+        (self.folder / "y.json").symlink_to("new.json")
+        (self.folder / "x.csv").symlink_to("new.csv")
+        run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
+        self.check_refusals(((APRON, "run", "p.aps", "--profile", "x.json", "--save", "A=x.csv", "--save", "A=new.csv"),
+                             (*run, "--stats", "x.csv", "--record", "new.csv"), (*run, "--record", "x.csv", "--stats", "new.csv")),
+                            "is the same file as")
+        for command in ((*run, "--stats", "x.json", "--record", "x.csv"), (APRON, "run", "p.aps", "--profile", "y.json", "--save", "A=x.csv")):
+            status, _, err = self.run_program(*map(str, command))
+            self.assertEqual(status, 0, err)
+            for name in ("new.json", "new.csv"):
+                self.assertGreater((self.folder / name).stat().st_size, 0)
+                (self.folder / name).unlink()
+            self.assertTrue((self.folder / "x.csv").is_symlink())
+
     def test_devices_may_be_shared(self):
         status, _, err = self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--stats", "/dev/null")
         self.assertEqual(status, 0, err)
@@ -243,6 +259,14 @@ class ApronFiles(Hostile):
             self.assertEqual(status, 2, statement)
             self.assertIn("--allow", err)
             self.assertEqual({p for p in self.folder.rglob("*")}, set(before) | {self.folder / "own/p.aps"})
+
+    def test_links_do_not_lead_outside_where_the_kernel_does_not_confine(self):
+        (self.folder / "own/new.csv").symlink_to("../other/new.csv")  # which does not exist
+        self.write("own/p.aps", "!register(A)\nA = 1\nio.array.save(A, 'own/new.csv')\n")
+        status, _, err = self.run_program("env", "SMARTSURF_CONFINE=off", APRON, "run", "own/p.aps", "--size", "2x2")
+        self.assertEqual(status, 2, err)
+        self.assertIn("--allow", err)
+        self.assertFalse((self.folder / "other/new.csv").exists())
 
     def test_allowed_folders_are_used(self):
         for statement, flags, file in (("io.array.save(A, 'own/inner/a.csv')", (), "own/inner/a.csv"),
