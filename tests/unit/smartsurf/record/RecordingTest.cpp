@@ -135,10 +135,11 @@ TEST(Recording, HasTheFramesThatHaveHeights) {
   EXPECT_EQ(shorter.times().size(), 40u);
   EXPECT_EQ(shorter.read_snapshot(39).height, SyntheticRun().snapshot_at(39, {0, 1, 2}).height);
 
-  file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  write_run(out / "without.h5");
+  file = H5Fopen((out / "without.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
   ASSERT_GE(H5Ldelete(file, "surface/changes", H5P_DEFAULT), 0);
   H5Fclose(file);
-  const Recording without = Recording::open(out / "run.h5");
+  const Recording without = Recording::open(out / "without.h5");
   EXPECT_EQ(without.frames(), 100u);
   EXPECT_FALSE(without.has_heights());
   EXPECT_EQ(without.read_snapshot(7).height, std::vector<float>(24, 0.0F));
