@@ -129,15 +129,17 @@ class Outputs(Hostile):
         commands = [(*run, "--stats", "s.lua"), (*run, "--stats", "part.lua"), (*run, "--record", "link.csv"),
                     (*run, "--stats", "./../" + self.folder.name + "/s.lua"), (*run, "--worlds", 2, "--stats", "s.lua"),
                     (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "p.aps"),
+                    (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "inner.aps"),
                     (SMARTSURF, "plot", "r.h5", "-o", "link.svg"), (SMARTSURF, "export", "r.h5", "-o", "hard.html"),
                     (APRON, "run", "p.aps", "--save", "A=link.npy"), (APRON, "run", "p.aps", "--profile", "p.aps")]
         if WITH_VIEW:
             commands += [(*run, "--screenshot", "link.png", *SMALL_PICTURE)]
-        self.check_refusals(commands, "would overwrite an input|is an output of this run")
+        self.check_refusals(commands, "would overwrite an input|is an output of this run|is the name of a program")
 
     def test_files_that_a_script_or_program_reads_are_kept(self):
         self.write("data.csv", "1\n")
         os.link(self.folder / "data.csv", self.folder / "hard.json")
+        os.link(self.folder / "part.lua", self.folder / "module.json")
         (self.folder / "link.json").symlink_to("data.csv")
         for name, text in (("at_once", "for line in io.lines('data.csv') do end"), ("caught", "pcall(io.open, 'data.csv')"),
                            ("late", "at(0.02, function() for line in io.lines('data.csv') do end end)"),
@@ -150,7 +152,7 @@ class Outputs(Hostile):
         for command in [(SMARTSURF, "run", f"{name}.lua", "--no-controller", "--ticks", 3, *output)
                         for name in ("at_once", "caught", "late", "late_caught")
                         for output in (("--stats", "data.csv"), ("--stats", "hard.json"), ("--stats", "link.json"), ("--record", "data.csv"))] + \
-                       [(SMARTSURF, "run", "late_module.lua", "--no-controller", "--ticks", 3, "--stats", "part.lua"),
+                       [(SMARTSURF, "run", "late_module.lua", "--no-controller", "--ticks", 3, "--stats", "module.json"),
                         (APRON, "run", "open.aps", "--size", "1x1", "--save", "A=data.csv"),
                         (APRON, "run", "open.aps", "--size", "1x1", "--profile", "hard.json"),
                         (APRON, "run", "save.aps", "--size", "1x1", "--save", "A=data.csv")]:
