@@ -492,6 +492,16 @@ class Recordings(Hostile):
         self.write("there/s.lua", TABLE + script)
         self.assertEqual(self.run_program(SMARTSURF, "run", "there/s.lua", "--no-controller", "--ticks", "5", "--record", "r.h5")[0], 0)
 
+    def test_stopped_readers_leave_no_part(self):
+        script = self.write("s.lua", TABLE)
+        self.assertEqual(self.run_program(SMARTSURF, "run", script, "--no-controller", "--ticks", "4000", "--record", "r.h5")[0], 0)
+        for i in range(24):
+            child = self.start(SMARTSURF, *(("plot", "r.h5", "-o", "a.svg"), ("export", "r.h5", "-o", "a.html"))[i % 2])
+            time.sleep(0.03 + 0.01 * (i // 2))
+            child.send_signal((signal.SIGTERM, signal.SIGXCPU)[i // 2 % 2])
+            self.finish(child)
+            self.assertEqual([p.name for p in self.folder.iterdir() if ".part" in p.name], [], i)
+
     def test_verification_reads_beside_an_unchanged_script_alone(self):
         self.record("require 'part'\n")
         self.assertEqual(self.run_program(SMARTSURF, "replay", "r.h5", "--verify")[0], 0)
