@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "common/files/Inputs.h"
 #include "common/files/PreparedOutputs.h"
 
 namespace common {
@@ -45,6 +46,7 @@ bool is_special_file(const fs::path& path) noexcept {
 fs::path part_of(const fs::path& path) { return path.string() + ".part" + std::to_string(::getpid()); }
 
 std::error_code replace_file(const fs::path& path, std::string_view bytes) {
+  if (const std::error_code refusal = withheld(path)) return refusal;
   if (is_special_file(path)) return write_all(path, bytes, O_TRUNC);
   std::error_code error;
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);

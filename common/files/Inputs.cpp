@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <exception>
 #include <map>
 #include <mutex>
 #include <new>
@@ -9,6 +10,7 @@
 #include <tuple>
 
 #include "common/error/UserError.h"
+#include "common/files/RealPath.h"
 
 namespace common {
 namespace {
@@ -19,8 +21,14 @@ namespace fs = std::filesystem;
 using FileIdentity = std::tuple<dev_t, ino_t, std::string>;
 
 std::mutex mutex;
-std::set<FileIdentity> inputs;  // guarded by `mutex`
-bool ended = false;             // likewise
+std::set<FileIdentity> inputs, outputs_of_command, withheld_outputs;  // guarded by `mutex`
+bool ended = false;                                                   // likewise
+
+class Withheld final : public std::error_category {
+ public:
+  const char* name() const noexcept override { return "withheld output"; }
+  std::string message(int) const override { return "the script or program reads or writes it itself"; }
+};
 
 void remember(const struct stat& status) noexcept {
   if (!S_ISREG(status.st_mode)) return;
@@ -39,9 +47,8 @@ bool identify(const fs::path& file, FileIdentity& identity) {
     identity = {status.st_dev, status.st_ino, ""};
     return S_ISREG(status.st_mode);
   }
-  std::error_code error;
-  fs::path target = fs::weakly_canonical(file, error);
-  if (error) target = file;
+  fs::path target = real_path(file);
+  if (target.empty()) target = file;
   const fs::path folder = target.parent_path();
   if (::stat(folder.empty() ? "." : folder.c_str(), &status) != 0) return false;
   identity = {status.st_dev, status.st_ino, target.filename().string()};
@@ -89,6 +96,32 @@ void require_separate_outputs(std::span<const NamedOutput> outputs) {
       throw UserError(name + ": is the same file as " + other->second->flag + " " +
                       other->second->file.string() + "; choose another name");
   }
+  const std::lock_guard lock(mutex);
+  for (const auto& [identity, output] : seen) outputs_of_command.insert(identity);
+}
+
+bool withhold_output(const fs::path& path) noexcept {
+  try {
+    FileIdentity identity;
+    if (!identify(path, identity)) return false;
+    const std::lock_guard lock(mutex);
+    if (!outputs_of_command.contains(identity)) return false;
+    withheld_outputs.insert(identity);
+  } catch (const std::exception&) {  // no memory
+  }
+  return true;
+}
+
+std::error_code withheld(const fs::path& path) noexcept {
+  static const Withheld category;
+  try {
+    FileIdentity identity;
+    if (!identify(path, identity)) return {};
+    const std::lock_guard lock(mutex);
+    if (!withheld_outputs.contains(identity)) return {};
+  } catch (const std::exception&) {  // no memory
+  }
+  return {1, category};
 }
 
 }  // namespace common

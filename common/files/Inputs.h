@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <system_error>
 
 namespace common {
 
@@ -24,5 +25,10 @@ struct NamedOutput {
 // Call when everything is loaded and before anything is written. Throws UserError if an output is an input,
 // or if two outputs are one file. Pipes and devices may be shared.
 void require_separate_outputs(std::span<const NamedOutput>);
+// What is read or written otherwise after that call must be none of the outputs: true if the path names one,
+// by whatever link. That output is then withheld.
+bool withhold_output(const std::filesystem::path&) noexcept;
+// Why the output is not to be written.
+std::error_code withheld(const std::filesystem::path&) noexcept;
 
 }  // namespace common

@@ -11,6 +11,8 @@
 #include <string>
 
 #include "common/error/UserError.h"
+#include "common/files/Inputs.h"
+#include "common/files/RealPath.h"
 
 namespace common {
 namespace {
@@ -39,8 +41,8 @@ PreparedOutput prepare_output(const std::string& subject, const fs::path& name, 
   if (const fs::file_status status = fs::symlink_status(name, error);
       fs::exists(status) && !fs::is_regular_file(status)) {
     output.in_place = true;
-    output.part = fs::weakly_canonical(name, error);
-    if (error) output.part = name;
+    output.part = real_path(name);
+    if (output.part.empty()) output.part = name;
     if (fs::exists(output.part, error)) return output;
   } else if (is_own_file(part)) {
     return output;
@@ -80,6 +82,7 @@ std::optional<fs::path> prepared_part(const fs::path& name) {
 bool is_prepared(const fs::path& part) noexcept { return find(part) < outputs.size(); }
 
 std::error_code rename_part(const fs::path& part, const fs::path& name) {
+  if (const std::error_code refusal = withheld(name)) return refusal;
   if (const std::size_t number = find(part); number < outputs.size()) return keeper.name(number);
   std::error_code error;
   fs::rename(part, name, error);

@@ -282,9 +282,11 @@ int main(int argc, char** argv) {
   ::sigaction(SIGTERM, &action, nullptr);
   try {
     std::optional<Options> o = parse(argc, argv);
-    if (!o) return common::kDone;
-    fit_to_terminal(*o);
-    return o->list ? list(*o) : o->clean ? clean(*o) : show(*o);
+    if (o) fit_to_terminal(*o);
+    const int status = !o ? common::kDone : o->list ? list(*o) : o->clean ? clean(*o) : show(*o);
+    if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
+    common::print_error_line("shm_dump", "cannot write the output");
+    return common::kFailed;
   } catch (const UserError& e) {
     common::print_error_line("shm_dump", e.what());
     return common::kUserError;

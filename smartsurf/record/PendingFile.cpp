@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "common/files/PreparedOutputs.h"
+#include "common/files/RealPath.h"
 
 namespace smartsurf::record {
 namespace {
@@ -15,8 +16,8 @@ namespace fs = std::filesystem;
 fs::path link_target(const fs::path& name) {
   std::error_code error;
   if (!fs::is_symlink(fs::symlink_status(name, error))) return name;
-  const fs::path target = fs::weakly_canonical(name, error);
-  return error ? name : target;
+  const fs::path target = common::real_path(name);
+  return target.empty() ? name : target;
 }
 
 }  // namespace

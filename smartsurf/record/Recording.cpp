@@ -54,6 +54,7 @@ struct Recording::Contents {
 
   void read_frames();
   void open_delta_readers();
+  void keep_frames(std::size_t most);
   template <class Action>
   auto translate_errors(Action action) const {
     try {
@@ -126,6 +127,17 @@ void Recording::Contents::open_delta_readers() {
   if (const auto& grid = spec.surface.skin; grid && has_link(file, paths::kSkinHeight))
     skin.emplace(file, paths::kSkinHeight,
                  static_cast<std::size_t>(grid->rows) * static_cast<std::size_t>(grid->columns));
+  for (const auto* const rows : {&heights, &motion, &skin})
+    if (*rows) keep_frames((*rows)->rows());
+}
+
+// A frame exists where all of it does.
+void Recording::Contents::keep_frames(std::size_t most) {
+  if (ticks.size() <= most) return;
+  ticks.resize(most);
+  times.resize(most);
+  state_hashes.resize(most);
+  contact_counts.resize(most);
 }
 
 // Objects beyond the pose arrays' second axis were created after the last stored frame; they are padded with
@@ -240,13 +252,15 @@ scene::Snapshot Recording::read_snapshot(std::size_t frame) const {
   shot.state_hash = state_hashes()[frame];
   shot.contact_count = contents_->contact_counts[frame];
   contents_->translate_errors([&] {
-    if (contents_->heights && frame < contents_->heights->rows()) {
+    if (contents_->heights) {
       const std::span<const float> heights = contents_->heights->read_row(frame);
       shot.height.assign(heights.begin(), heights.end());
+    } else {
+      shot.height.assign(static_cast<std::size_t>(spec().surface.cell_count()),
+                         static_cast<float>(spec().surface.pin.min_height));
     }
-    if (contents_->motion && frame < contents_->motion->rows())
-      shot.actuator_state = unflatten_actuator_state(contents_->motion->read_row(frame));
-    if (contents_->skin && frame < contents_->skin->rows()) {
+    if (contents_->motion) shot.actuator_state = unflatten_actuator_state(contents_->motion->read_row(frame));
+    if (contents_->skin) {
       const std::span<const float> heights = contents_->skin->read_row(frame);
       shot.skin_height.assign(heights.begin(), heights.end());
     }

@@ -83,9 +83,9 @@ class Recording {
   const std::vector<std::uint32_t>& contact_counts() const;  // contact points, one per frame
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
   std::span<const float> read_heights(std::size_t frame) const;
-  // One frame. Angular velocities are NaN if !has_angular_velocities(). Heights are empty if !has_heights(),
-  // actuator states if !has_motion(), the skin's heights without one. Reading frames in ascending order is
-  // the cheapest.
+  // One frame. Angular velocities are NaN if !has_angular_velocities(); all pins are down if !has_heights();
+  // actuator states are empty if !has_motion(), the skin's heights without one. Reading frames in ascending
+  // order is the cheapest.
   scene::Snapshot read_snapshot(std::size_t frame) const;
   std::vector<std::string> channel_names(const std::string& group) const;  // "sensors" or "actuators"
   // One frame of a channel, rows × columns × components, row-major.

@@ -229,6 +229,8 @@ void ConfinedRuns::start_broker() {
 }
 
 ConfinedRuns::~ConfinedRuns() {
+  for (Prepared::OneRun& run : prepared_->runs)
+    run.video.reset();  // the broker removes what ffmpeg has begun
   common::use_prepared_outputs({}, {});
   broker_.reset();
 }

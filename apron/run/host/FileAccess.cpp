@@ -5,6 +5,7 @@
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
 #include "common/files/Inputs.h"
+#include "common/files/RealPath.h"
 
 namespace apron::run {
 namespace {
@@ -15,19 +16,14 @@ bool is_within(const fs::path& path, const fs::path& folder) {
   return std::ranges::mismatch(folder, path).in1 == folder.end();
 }
 
-fs::path real_path(const fs::path& path) {
-  std::error_code error;
-  const fs::path real = fs::weakly_canonical(fs::absolute(path.empty() ? fs::path(".") : path, error), error);
-  return error ? fs::path() : real;
-}
-
 }  // namespace
 
 void FileAccess::require_readable(const std::string& file) const {
+  if (common::withhold_output(file)) throw_refused(file, "is an output of this command");
   if (!folders_) return;
-  const fs::path real = real_path(file);
+  const fs::path real = common::real_path(file);
   const bool allowed = !real.empty() && std::ranges::any_of(*folders_, [&](const std::string& folder) {
-    const fs::path real_folder = real_path(folder);
+    const fs::path real_folder = common::real_path(folder);
     return !real_folder.empty() && is_within(real, real_folder);
   });
   if (allowed) return;

@@ -469,7 +469,7 @@ int main(int argc, char** argv) {
     const Options o = parse(argc, argv);
     if (o.help) {
       std::fputs(kUsage, stdout);
-      return 0;
+      return std::fflush(stdout) == 0 ? 0 : 1;
     }
     struct sigaction action {};
     action.sa_handler = [](int number) {

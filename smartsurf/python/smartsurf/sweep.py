@@ -127,7 +127,7 @@ def folder_name(text: str) -> str:
 @contextlib.contextmanager
 def locked(folder: pathlib.Path) -> Iterator[bool]:
     """Whether this process alone works in the folder, which the kernel decides and forgets with the process."""
-    with (folder / ".lock").open("w") as file:
+    with (folder / ".lock").open("a") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <vector>
 
@@ -35,25 +36,25 @@ class PassingOn {
     worker.store(child);
     struct sigaction action {};
     action.sa_handler = pass_on;
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < kCount; ++i) {
       ::sigaction(kSignals[i], nullptr, &before_[i]);
       if (before_[i].sa_handler != SIG_IGN) ::sigaction(kSignals[i], &action, nullptr);
     }
   }
   ~PassingOn() {
-    for (int i = 0; i < 3; ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
+    for (int i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
   }
   PassingOn(const PassingOn&) = delete;
   PassingOn& operator=(const PassingOn&) = delete;
 
  private:
-  static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
-  struct sigaction before_[3] = {};
+  static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP, SIGXCPU}, kCount = 4;
+  struct sigaction before_[kCount] = {};
 };
 
-int run_worker(const ReadJob& job, int socket) {
+int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, int socket) {
   common::Broker broker(socket);
-  common::use_outputs_of(broker, job.outputs);
+  common::use_outputs_of(broker, outputs);
   if (job.prepare) job.prepare();
   if (job.confinement) {
     common::Confinement confinement = *job.confinement;
@@ -61,7 +62,7 @@ int run_worker(const ReadJob& job, int socket) {
       confinement.calls = common::Confinement::Calls::kSimulator;
     common::add_system_files(confinement);
     confinement.read.emplace_back(job.recording);
-    common::add_outputs(confinement, job.outputs);
+    common::add_outputs(confinement, outputs);
     common::confine(confinement);
   }
   if (job.only_reads) common::limit_address_space(record::memory_to_read(job.recording));
@@ -85,7 +86,11 @@ class Parts {
 }  // namespace
 
 int read_in_worker(const ReadJob& job) {
-  const Parts parts(job.outputs);
+  // A signal must neither leave an output's part nor miss the worker.
+  std::optional<common::SignalsDeferred> deferred(std::in_place);
+  const std::vector<common::PreparedOutput> outputs =
+      job.prepare_outputs ? job.prepare_outputs() : std::vector<common::PreparedOutput>();
+  const Parts parts(outputs);
   const auto [here, there] = common::Broker::sockets();
   const pid_t parent = ::getpid(), child = ::fork();
   if (child < 0)
@@ -95,11 +100,13 @@ int read_in_worker(const ReadJob& job) {
     ::close(here);
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (::getppid() != parent) ::_exit(1);
-    ::_exit(run_and_report([&, socket = there] { return run_worker(job, socket); }));
+    deferred.reset();
+    ::_exit(run_and_report([&, socket = there] { return run_worker(job, outputs, socket); }));
   }
   ::close(there);
   const PassingOn passing_on(child);
-  common::Broker::serve(here, common::output_services(job.outputs));
+  deferred.reset();
+  common::Broker::serve(here, common::output_services(outputs));
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }

@@ -15,7 +15,7 @@ namespace smartsurf::run {
 struct ReadJob {
   std::string recording;
   std::function<int()> command;
-  std::vector<common::PreparedOutput> outputs = {};
+  std::function<std::vector<common::PreparedOutput>()> prepare_outputs = nullptr;
   // What else it may read and write; nullopt: it is not confined.
   std::optional<common::Confinement> confinement = common::Confinement();
   // True if it only reads, within memory_to_read().

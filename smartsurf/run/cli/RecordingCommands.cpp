@@ -94,7 +94,9 @@ CommandHandler add_plot_command(CLI::App& app) {
                                                   flags->output);
                              return common::kDone;
                            },
-                           {prepare_replaced_file({"-o", flags->output})},
+                           [&] {
+                             return std::vector{prepare_replaced_file({"-o", flags->output})};
+                           },
                            fonts});
   };
 }
@@ -135,7 +137,9 @@ CommandHandler add_export_command(CLI::App& app) {
                                web::write_page(recording, flags->output, {fps});
                              return common::kDone;
                            },
-                           {prepare_replaced_file({"-o", flags->output})}});
+                           [&] {
+                             return std::vector{prepare_replaced_file({"-o", flags->output})};
+                           }});
   };
 }
 

@@ -102,7 +102,7 @@ int replay_command(const ReplayFlags& flags) {
   if (!flags.video.empty()) outputs.push_back({"--video", flags.video});
   common::note_input(std::filesystem::path(flags.file));
   common::require_separate_outputs(outputs);
-  job.outputs = prepare_media(screenshots, flags.video);
+  job.prepare_outputs = [&] { return prepare_media(screenshots, flags.video); };
   job.confinement->calls = common::Confinement::Calls::kPictures;
   common::add_picture_files(*job.confinement);
   // Sensors that the recording lacks come from another run, which may read what the first one read.

@@ -215,6 +215,9 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
         "--worlds: cannot be combined with --window, --screenshot or --video; use --record");
   const std::string stats = flags.stats == "-" ? "/dev/stdout" : flags.stats;
   if (!stats.empty()) require_writable("--stats", stats);
+  // The controller's program may include it, which this process does not see.
+  if (stats.ends_with(".aps") || stats.ends_with(".lua"))
+    throw scene::InputError("--stats " + stats + ": is the name of a program; choose another ending");
   if (!flags.video.empty()) require_writable("--video", flags.video);
   RunOptions options;
   options.experiment = flags.experiment;

@@ -48,13 +48,11 @@ view::FrameInput RecordedFrames::frame_input(std::size_t frame) {
   return {snapshot_, recording_.spec().objects, channels_, {}, this};
 }
 
-// A recording without heights is shown with all pins down.
 void RecordedFrames::load(std::size_t frame) {
   loaded_frame_ = frame;
   snapshot_ = recording_.read_snapshot(frame);
   const scene::SurfaceSpec& surface = recording_.spec().surface;
   const auto cells = static_cast<std::size_t>(surface.cell_count());
-  if (snapshot_.height.empty()) snapshot_.height.assign(cells, static_cast<float>(surface.pin.min_height));
   channels_[0].values = snapshot_.height;
   values_.resize(sources_.size());
   std::vector<float> numbers;  // rows × columns × components

@@ -203,8 +203,9 @@ std::string describe_difference(const record::Recording& recording, std::size_t 
   const scene::Snapshot recorded = recording.read_snapshot(frame), &replayed = simulation.snapshot();
   if (recording.has_objects())
     if (auto found = find_object_difference(recorded, replayed, simulation.catalogue())) return *found;
-  if (auto found = find_height_difference(recorded, replayed, simulation.scene().surface.columns))
-    return *found;
+  if (recording.has_heights())
+    if (auto found = find_height_difference(recorded, replayed, simulation.scene().surface.columns))
+      return *found;
   return fmt::format("state hash {:016x} recorded, {:016x} now; all recorded values are equal",
                      recorded.state_hash, replayed.state_hash);
 }

@@ -68,7 +68,9 @@ void push_option_value(ScriptContext& context, lua_State* L, const std::string& 
   const int type = lua_type(L, 2);
   if (type == LUA_TNUMBER)
     check_number(L, 2, "option '" + name + "'");
-  else if (type != LUA_TBOOLEAN && type != LUA_TSTRING)
+  else if (type == LUA_TSTRING)
+    check_string(L, 2, "option '" + name + "': default");
+  else if (type != LUA_TBOOLEAN)
     throw_invalid_value(L, 2, "option '" + name + "': default", "a number, a string, true or false");
   const std::string* const text = find_override(context, name);
   if (text == nullptr)

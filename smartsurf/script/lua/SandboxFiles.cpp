@@ -10,6 +10,7 @@
 
 #include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
+#include "common/files/RealPath.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -22,12 +23,6 @@ constexpr const char* kModuleTable = "smartsurf.modules";
 bool is_within(const fs::path& path, const fs::path& folder) {
   const auto [f, p] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
   return f == folder.end() || (std::next(f) == folder.end() && f->empty());
-}
-
-fs::path canonical_path(const fs::path& path) {
-  std::error_code error;
-  const fs::path real = fs::weakly_canonical(path, error);
-  return error ? fs::path() : real;
 }
 
 [[noreturn]] void throw_path_error(const std::string& subject, const std::string& path,
@@ -49,13 +44,15 @@ fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subjec
   if (sandbox.options.output_folder.empty())
     throw_path_error(subject, path, "cannot be written: this run has no output folder");
   create_output_folder(sandbox.options.output_folder);
-  const fs::path output = canonical_path(sandbox.options.output_folder), real = canonical_path(output / path);
+  const fs::path output = common::real_path(sandbox.options.output_folder),
+                 real = common::real_path(output / path);
   if (real.empty() || output.empty() || !is_within(real, output))
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
   std::error_code error;
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
   if (common::is_input(real)) throw_path_error(subject, path, "is an input of this run");
+  if (common::withhold_output(real)) throw_path_error(subject, path, "is an output of this run");
   if (const std::uintmax_t links = fs::hard_link_count(real, error); !error && links > 1)
     throw_path_error(subject, path, "has other names, which are not the script's to write: delete this one");
   return real;
@@ -150,11 +147,11 @@ int require(Sandbox& sandbox, lua_State* L) {
 fs::path resolve_readable_path(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
   if (sandbox.options.unsafe) return sandbox.script_folder / path;
   const fs::path output =
-      sandbox.options.output_folder.empty() ? fs::path() : canonical_path(sandbox.options.output_folder);
-  fs::path real = canonical_path(sandbox.script_folder / path);
+      sandbox.options.output_folder.empty() ? fs::path() : common::real_path(sandbox.options.output_folder);
+  fs::path real = common::real_path(sandbox.script_folder / path);
   std::error_code error;
-  if (!fs::exists(real, error) && !output.empty() && fs::exists(canonical_path(output / path), error))
-    real = canonical_path(output / path);
+  if (!fs::exists(real, error) && !output.empty() && fs::exists(common::real_path(output / path), error))
+    real = common::real_path(output / path);
   const bool inside = !real.empty() && (is_within(real, sandbox.script_folder) ||
                                         (!output.empty() && is_within(real, output)));
   if (!inside)
@@ -162,6 +159,9 @@ fs::path resolve_readable_path(const Sandbox& sandbox, const std::string& subjec
                      "is outside the script's folder and the output folder; --unsafe allows it");
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
     throw_path_error(subject, path, "is not a regular file");
+  if (common::withhold_output(real)) throw_path_error(subject, path, "is an output of this run");
+  // The script may overwrite what it has written itself.
+  if (output.empty() || !is_within(real, output)) common::note_input(real);
   return real;
 }
 

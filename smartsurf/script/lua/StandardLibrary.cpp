@@ -29,6 +29,13 @@ void write_output(const Sandbox& sandbox, const std::string& text) {
   std::fflush(stdout);
 }
 
+// The text lies outside Lua's heap, whose limit does not hold for it.
+void append_output(std::string& text, const char* part, std::size_t length, const char* function) {
+  if (length > kMaxStringBytes - std::min(text.size(), kMaxStringBytes))
+    throw ScriptError(std::string(function) + ": the text is longer than 16 MiB");
+  text.append(part, length);
+}
+
 int print(Sandbox& sandbox, lua_State* L) {
   std::string line;
   const int count = lua_gettop(L);
@@ -41,7 +48,7 @@ int print(Sandbox& sandbox, lua_State* L) {
     const char* const text = lua_tolstring(L, -1, &length);
     sandbox.interpreter->charge(L, length / kBytesPerInstruction);
     if (i > 1) line += '\t';
-    line.append(text, length);
+    append_output(line, text, length, "print");
     lua_pop(L, 1);
   }
   write_output(sandbox, line + "\n");
@@ -53,7 +60,8 @@ int io_write(Sandbox& sandbox, lua_State* L) {
   for (int i = 1; i <= lua_gettop(L); ++i) {
     std::size_t length = 0;
     const char* const part = luaL_checklstring(L, i, &length);
-    text.append(part, length);
+    sandbox.interpreter->charge(L, length / kBytesPerInstruction);
+    append_output(text, part, length, "io.write");
   }
   write_output(sandbox, text);
   return 0;

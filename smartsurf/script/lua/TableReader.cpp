@@ -106,6 +106,7 @@ std::string check_string(lua_State* L, int index, const std::string& name) {
   if (lua_type(L, index) != LUA_TSTRING) throw_invalid_value(L, index, name, "a string");
   std::size_t length = 0;
   const char* const text = lua_tolstring(L, index, &length);
+  if (length > kMaxKeptBytes) throw_invalid_value(L, index, name, "at most 64 KiB");
   return {text, length};
 }
 

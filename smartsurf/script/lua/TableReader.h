@@ -17,6 +17,9 @@
 
 namespace smartsurf::script {
 
+// The longest string that is kept outside Lua's heap, whose limit does not hold for it.
+constexpr std::size_t kMaxKeptBytes = 65536;
+
 // The value at `index` as shown in messages: 3, 'text', true, nil, a table.
 std::string format_value(lua_State* L, int index);
 // " (did you mean 'radius'?)", or "" if no known name is close.
@@ -33,7 +36,7 @@ double check_number(lua_State* L, int index, const std::string& name);  // finit
 // In [low, high].
 std::int64_t check_integer(lua_State* L, int index, const std::string& name, std::int64_t low,
                            std::int64_t high);
-std::string check_string(lua_State* L, int index, const std::string& name);
+std::string check_string(lua_State* L, int index, const std::string& name);  // of at most kMaxKeptBytes
 // {x, y, z} or {x = …, y = …, z = …}
 Eigen::Vector3d check_vector(lua_State* L, int index, const std::string& name);
 // {x = …, y = …, z = …, w = …}, {x, y, z, w}, {axis = {x, y, z}, angle = …} or {roll = …, pitch = …, yaw = …}

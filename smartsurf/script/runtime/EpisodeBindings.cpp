@@ -40,7 +40,7 @@ int info(ScriptContext& context, lua_State* L) {
   for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1)) {
     if (lua_type(L, -2) != LUA_TSTRING)
       throw ScriptError("info: " + format_value(L, -2) + ": a field needs a name");
-    names.emplace_back(lua_tostring(L, -2));
+    names.push_back(check_string(L, -2, "info: name"));
   }
   std::ranges::sort(names);
   for (const std::string& name : names) {

@@ -177,6 +177,15 @@ class Confinement(ProgramTest):
         self.assertFalse((self.home / "e.files").exists())  # a folder without files is none
 
     @needs_view
+    @unittest.skipUnless(shutil.which("ffmpeg"), "needs ffmpeg")
+    def test_refused_run_leaves_no_part_of_a_video(self):
+        (self.home / "bad.lua").write_text(TABLE + "error('bad')\n")
+        for _ in range(3):  # ffmpeg may create its file late
+            self.assertEqual(self.run_here(SMARTSURF, "run", "bad.lua", "--no-controller", "--video", "a.mp4")[0], 2)
+        time.sleep(0.3)
+        self.assertEqual([p.name for p in self.home.iterdir() if p.name.startswith("a.")], [])
+
+    @needs_view
     def test_pictures_are_drawn(self):
         status, outcomes, text = self.attack((SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 2, "--screenshot", "a.png"))
         self.assertEqual(status, 0, text)

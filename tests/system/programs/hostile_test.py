@@ -129,11 +129,37 @@ class Outputs(Hostile):
         commands = [(*run, "--stats", "s.lua"), (*run, "--stats", "part.lua"), (*run, "--record", "link.csv"),
                     (*run, "--stats", "./../" + self.folder.name + "/s.lua"), (*run, "--worlds", 2, "--stats", "s.lua"),
                     (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "p.aps"),
+                    (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "inner.aps"),
                     (SMARTSURF, "plot", "r.h5", "-o", "link.svg"), (SMARTSURF, "export", "r.h5", "-o", "hard.html"),
                     (APRON, "run", "p.aps", "--save", "A=link.npy"), (APRON, "run", "p.aps", "--profile", "p.aps")]
         if WITH_VIEW:
             commands += [(*run, "--screenshot", "link.png", *SMALL_PICTURE)]
-        self.check_refusals(commands, "would overwrite an input")
+        self.check_refusals(commands, "would overwrite an input|is an output of this run|is the name of a program")
+
+    def test_files_that_a_script_or_program_reads_are_kept(self):
+        self.write("data.csv", "1\n")
+        os.link(self.folder / "data.csv", self.folder / "hard.json")
+        os.link(self.folder / "part.lua", self.folder / "module.json")
+        (self.folder / "link.json").symlink_to("data.csv")
+        for name, text in (("at_once", "for line in io.lines('data.csv') do end"), ("caught", "pcall(io.open, 'data.csv')"),
+                           ("late", "at(0.02, function() for line in io.lines('data.csv') do end end)"),
+                           ("late_caught", "at(0.02, function() pcall(io.open, 'data.csv') end)"),
+                           ("late_module", "at(0.02, function() require 'part' end)")):
+            self.write(name + ".lua", TABLE + text + "\n")
+        for name, text in (("open", "A = io.array.open('data.csv')"), ("save", "io.array.save(A, 'data.csv')")):
+            self.write(name + ".aps", f"!register(A)\n{text}\n")
+        before = self.contents()
+        for command in [(SMARTSURF, "run", f"{name}.lua", "--no-controller", "--ticks", 3, *output)
+                        for name in ("at_once", "caught", "late", "late_caught")
+                        for output in (("--stats", "data.csv"), ("--stats", "hard.json"), ("--stats", "link.json"), ("--record", "data.csv"))] + \
+                       [(SMARTSURF, "run", "late_module.lua", "--no-controller", "--ticks", 3, "--stats", "module.json"),
+                        (APRON, "run", "open.aps", "--size", "1x1", "--save", "A=data.csv"),
+                        (APRON, "run", "open.aps", "--size", "1x1", "--profile", "hard.json"),
+                        (APRON, "run", "save.aps", "--size", "1x1", "--save", "A=data.csv")]:
+            status, out, err = self.run_program(*map(str, command))
+            self.assertIn(status, (1, 2), f"{command}: {out}{err}")
+            self.assertRegex(err, "is an output of this|reads or writes it itself", command)
+            self.assertEqual(self.contents(), before, command)
 
     def test_outputs_are_separate_files(self):
         run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
@@ -141,6 +167,22 @@ class Outputs(Hostile):
                              (*run, "--record", "a.csv", "--stats", "a.csv.part"),
                              (*run, "--worlds", 2, "--record", "a.h5", "--stats", "a-1.h5"),
                              (APRON, "run", "p.aps", "--save", "A=a.npy", "--save", "A=./a.npy")), "is the same file as")
+
+    def test_a_dangling_link_stands_for_the_file_that_it_names(self):
+        (self.folder / "x.json").symlink_to("new.json")
+        (self.folder / "y.json").symlink_to("new.json")
+        (self.folder / "x.csv").symlink_to("new.csv")
+        run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
+        self.check_refusals(((APRON, "run", "p.aps", "--profile", "x.json", "--save", "A=x.csv", "--save", "A=new.csv"),
+                             (*run, "--stats", "x.csv", "--record", "new.csv"), (*run, "--record", "x.csv", "--stats", "new.csv")),
+                            "is the same file as")
+        for command in ((*run, "--stats", "x.json", "--record", "x.csv"), (APRON, "run", "p.aps", "--profile", "y.json", "--save", "A=x.csv")):
+            status, _, err = self.run_program(*map(str, command))
+            self.assertEqual(status, 0, err)
+            for name in ("new.json", "new.csv"):
+                self.assertGreater((self.folder / name).stat().st_size, 0)
+                (self.folder / name).unlink()
+            self.assertTrue((self.folder / "x.csv").is_symlink())
 
     def test_devices_may_be_shared(self):
         status, _, err = self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--stats", "/dev/null")
@@ -219,6 +261,14 @@ class ApronFiles(Hostile):
             self.assertEqual(status, 2, statement)
             self.assertIn("--allow", err)
             self.assertEqual({p for p in self.folder.rglob("*")}, set(before) | {self.folder / "own/p.aps"})
+
+    def test_links_do_not_lead_outside_where_the_kernel_does_not_confine(self):
+        (self.folder / "own/new.csv").symlink_to("../other/new.csv")  # which does not exist
+        self.write("own/p.aps", "!register(A)\nA = 1\nio.array.save(A, 'own/new.csv')\n")
+        status, _, err = self.run_program("env", "SMARTSURF_CONFINE=off", APRON, "run", "own/p.aps", "--size", "2x2")
+        self.assertEqual(status, 2, err)
+        self.assertIn("--allow", err)
+        self.assertFalse((self.folder / "other/new.csv").exists())
 
     def test_allowed_folders_are_used(self):
         for statement, flags, file in (("io.array.save(A, 'own/inner/a.csv')", (), "own/inner/a.csv"),
@@ -411,6 +461,22 @@ class ScriptFiles(Hostile):
             self.assertIn("'a' has other names", err)
 
 
+class ScriptMemory(Hostile):
+    """What the program keeps of a script's texts is bounded too, not only Lua's heap."""
+
+    def test_long_texts_are_refused(self):
+        long = "('x'):rep(70000)"
+        for text, expected in ((f"option('o', 1, {long})", "help = .*at most 64 KiB"), (f"option('o', {long}, '')", "default = .*at most 64 KiB"),
+                               (f"material {{ name = {long} }}", "at most 64 KiB"), (f"info {{ [{long}] = 0 }}", "at most 64 KiB"),
+                               (f"random_stream({long})", "at most 64 KiB"),
+                               ("local s = ('x'):rep(9 << 20) print(s, s)", "print: .*longer than 16 MiB"),
+                               ("local s = ('x'):rep(9 << 20) io.write(s, s)", "io.write: .*longer than 16 MiB")):
+            status, out, err = self.run_program(SMARTSURF, "check", self.write("s.lua", TABLE + text + "\n"))
+            self.assertEqual(status, 2, text)
+            self.assertRegex(err, expected)
+            self.assertEqual(out, "")
+
+
 class Recordings(Hostile):
     """A recording may hold anything: no reader crashes on it, and running it again reads nothing that the run did not."""
 
@@ -425,6 +491,16 @@ class Recordings(Hostile):
         self.write("there/part.lua", "return 1\n")
         self.write("there/s.lua", TABLE + script)
         self.assertEqual(self.run_program(SMARTSURF, "run", "there/s.lua", "--no-controller", "--ticks", "5", "--record", "r.h5")[0], 0)
+
+    def test_stopped_readers_leave_no_part(self):
+        script = self.write("s.lua", TABLE)
+        self.assertEqual(self.run_program(SMARTSURF, "run", script, "--no-controller", "--ticks", "4000", "--record", "r.h5")[0], 0)
+        for i in range(24):
+            child = self.start(SMARTSURF, *(("plot", "r.h5", "-o", "a.svg"), ("export", "r.h5", "-o", "a.html"))[i % 2])
+            time.sleep(0.03 + 0.01 * (i // 2))
+            child.send_signal((signal.SIGTERM, signal.SIGXCPU)[i // 2 % 2])
+            self.finish(child)
+            self.assertEqual([p.name for p in self.folder.iterdir() if ".part" in p.name], [], i)
 
     def test_verification_reads_beside_an_unchanged_script_alone(self):
         self.record("require 'part'\n")

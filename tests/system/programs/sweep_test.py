@@ -453,8 +453,12 @@ exec {APRON} run {idle} --shm "$2"
             self.assertIn(said, out)
 
     def test_invalid_arguments_report_one_line(self):
+        self.write("taken", "")
         for arguments, message in (
                 (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
+                (("--seeds", "1-99999999999"), "sweep: --seeds 1-99999999999: more than 1000000 seeds"),
+                (("--out", "taken"), "sweep: --out taken: cannot be made a folder: File exists"),
+                (("--out", "taken/below"), "sweep: --out taken/below: cannot be made a folder: Not a directory"),
                 (("--set", "weight"), "sweep: --set weight: must be NAME=VALUE or NAME=VALUE,VALUE,…"),
                 (("--set", "weight=1,2", "--set", "weight=3"), "sweep: --set weight=3: 'weight' is given twice"),
                 (("--samples", "3"), "sweep: --samples 3: needs the options to sample"),

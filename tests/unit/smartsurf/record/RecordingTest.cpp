@@ -120,6 +120,31 @@ TEST(Recording, IgnoresImplausibleExtents) {
   EXPECT_EQ(Recording::open(out / "run.h5").frames(), 100u);
 }
 
+// Readers take every frame to have a height for each cell.
+TEST(Recording, HasTheFramesThatHaveHeights) {
+  const OutputFolder out;
+  write_run(out / "run.h5");
+  hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  const hid_t rows = H5Dopen2(file, "surface/changes/end", H5P_DEFAULT);
+  const hsize_t few = 40;
+  ASSERT_GE(H5Dset_extent(rows, &few), 0);
+  H5Dclose(rows);
+  H5Fclose(file);
+  const Recording shorter = Recording::open(out / "run.h5");
+  ASSERT_EQ(shorter.frames(), 40u);
+  EXPECT_EQ(shorter.times().size(), 40u);
+  EXPECT_EQ(shorter.read_snapshot(39).height, SyntheticRun().snapshot_at(39, {0, 1, 2}).height);
+
+  write_run(out / "without.h5");
+  file = H5Fopen((out / "without.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  ASSERT_GE(H5Ldelete(file, "surface/changes", H5P_DEFAULT), 0);
+  H5Fclose(file);
+  const Recording without = Recording::open(out / "without.h5");
+  EXPECT_EQ(without.frames(), 100u);
+  EXPECT_FALSE(without.has_heights());
+  EXPECT_EQ(without.read_snapshot(7).height, std::vector<float>(24, 0.0F));
+}
+
 // Each damaged file is opened in a forked child first, and AddressSanitizer makes fork() slow.
 constexpr int kDamages = cases(120, 30);
 
