@@ -57,7 +57,7 @@ def scene_digests():
 
 def table_programs_digest(name):
     """The digest of the programs that control a table's runs."""
-    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
+    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "nuisances": load()["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
              "logistics": ["hexsort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
     files = []
@@ -71,7 +71,7 @@ def section_digest(name):
     plan = load()
     section = plan[name]
     rows = section.get("rows", section)
-    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "waves": ["waves"], "faults": ["relocate", "size_sort"],
+    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "nuisances": plan["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
               "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
     return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 

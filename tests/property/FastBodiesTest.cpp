@@ -217,6 +217,41 @@ TEST_P(FastBodies, PassBesidePole) {
   }
 }
 
+// A body that spins fast beside a fixed one, at any depth of their overlap, goes on moving: it is let apart,
+// or in by a little.
+TEST_P(FastBodies, SpinningMoveOn) {
+  for (unsigned seed = 1; seed <= 300; ++seed) {
+    SCOPED_TRACE(seed);
+    restart(0.0);
+    Draw draw(seed);
+    const auto large_body = [&draw](const Vector3d& position) {
+      const double a = draw.uniform(0.8, 2.5), b = draw.uniform(0.8, 2.5), c = draw.uniform(0.8, 2.5);
+      auto o = draw.uniform(0, 2) < 1 ? box({a, b, c}, position) : cylinder(0.5 * a, b, position);
+      o.orientation = draw.rotation();
+      o.mass = 1.0;
+      return o;
+    };
+    const Vector3d middle(15, 15, 40), heading = draw.direction();
+    auto fixed = large_body(middle);
+    fixed.fixed = true;
+    fixture.add(fixed);
+    const double speed = draw.uniform(10, 40), aside = draw.uniform(0, 1), spin = draw.uniform(0, 45);
+    auto body = large_body(middle - 3 * heading + aside * draw.direction());
+    body.velocity = speed * heading, body.angular_velocity = spin * draw.direction();
+    const auto id = fixture.add(body);
+    Vector3d before = body.position;
+    int hanging_steps = 0, most = 0;
+    fixture.run(0.6, [&] {
+      const Vector3d now = fixture.position(id).cast<double>();
+      const double fast = fixture.velocity(id).cast<double>().norm();
+      hanging_steps = fast > 5 && (now - before).norm() < 0.02 * fast * GetParam() ? hanging_steps + 1 : 0;
+      most = std::max(most, hanging_steps);
+      before = now;
+    });
+    EXPECT_LT(most, 3);
+  }
+}
+
 TEST(FastBodiesSleep, WakeWhatTheyHit) {
   for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
     PhysicsFixture fixture;

@@ -23,7 +23,7 @@ def tables():
 class Tables(unittest.TestCase):
     def test_every_table_has_its_plan(self):
         self.assertEqual({table for table, _, _ in tables()},
-                         {"tasks", "logistics", "vary", "waves", "faults", "case_study", "conditions", "radii", "crowding"})
+                         {"tasks", "logistics", "vary", "nuisances", "waves", "faults", "case_study", "conditions", "radii", "crowding"})
         for table, _, (made_with, _, _) in tables():
             self.assertIn(made_with, plan.plans_of(table),
                           f"{table}: made with another plan: run scripts/tasks/table --only {table}; a change of the plan gets a new date")
