@@ -218,7 +218,7 @@ TEST_P(FastBodies, PassBesidePole) {
 }
 
 // A body that spins fast beside a fixed one, at any depth of their overlap, goes on moving: it is let apart,
-// or in by a little.
+// or in by a little. It may creep for a while.
 TEST_P(FastBodies, SpinningMoveOn) {
   for (unsigned seed = 1; seed <= 300; ++seed) {
     SCOPED_TRACE(seed);
@@ -248,7 +248,8 @@ TEST_P(FastBodies, SpinningMoveOn) {
       most = std::max(most, hanging_steps);
       before = now;
     });
-    EXPECT_LT(most, 3);
+    EXPECT_LT(most * GetParam(), 0.25);
+    EXPECT_EQ(hanging_steps, 0);
   }
 }
 
