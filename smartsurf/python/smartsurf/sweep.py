@@ -322,11 +322,11 @@ def lighter(colour: str) -> str:
     return "#" + "".join(f"{(255 + int(colour[at:at + 2], 16)) // 2:02x}" for at in (1, 3, 5))
 
 
-def rate_chart(x: str, lines: dict[str, list[tuple[float, int, int]]]) -> dict[str, Any]:
+def rate_chart(x: str, lines: dict[str, list[tuple[float, int, int]]], colours: Sequence[str] = COLOURS) -> dict[str, Any]:
     """A chart, as smartsurf.run.plot() draws it, of success rates over x. lines: by name, points of (x, successes, runs); each
     is a line through the rates and two lighter ones through the ends of Wilson's interval."""
     layers: list[dict[str, Any]] = []
-    for (name, points), colour in zip(lines.items(), itertools.cycle(COLOURS)):
+    for (name, points), colour in zip(lines.items(), itertools.cycle(colours)):
         points = sorted(points)
         at, ends = [value for value, _, _ in points], [wilson(won, runs) for _, won, runs in points]
         layers += [{"mark": "line", "color": lighter(colour), "x": at, "y": [end[k] for end in ends]} for k in (0, 1)]
