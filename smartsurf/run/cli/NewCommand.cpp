@@ -51,6 +51,8 @@ endwhile
 )";
 
 int new_command(const std::string& name) {
+  if (const fs::path last = fs::path(name).filename(); last.empty() || last == "." || last == "..")
+    throw scene::InputError(fmt::format("new '{}': must be a name, not empty or a folder", name));
   const fs::path experiment = name + ".lua", program = name + ".aps";
   for (const fs::path& file : {experiment, program}) {
     if (fs::exists(file))

@@ -240,6 +240,8 @@ class Mistakes(ProgramTest):
         self.assertEqual(self.run_program(APRON, "check", "--local", "mine.aps")[0], 0)
         self.refused([SMARTSURF, "new", "mine"], "mine.lua exists")
         self.refused([SMARTSURF, "new", "none/mine"], "no folder none")
+        for name in ("", "none/", "."):
+            self.refused([SMARTSURF, "new", name], "must be a name")
 
     def test_waiting_names_the_program_beside_the_experiment(self):
         self.run_program(SMARTSURF, "new", "mine")
