@@ -26,12 +26,12 @@ namespace {
 
 std::atomic<bool> confined{false};
 
-// What precedes the number in the names of device files that drivers open, other than Mesa's /dev/dri:
-// NVIDIA's own and Tegra's, Arm's, and that of Linux in Windows.
+// Prefixes of the device files that graphics drivers open beside Mesa's /dev/dri: NVIDIA's own driver,
+// Tegra's, Arm's, and that of WSL.
 constexpr std::string_view kGraphicsDevices[] = {"nvidia", "nvhost", "nvmap", "nvgpu", "mali", "dxg"};
 
-// Where the loader and OpenGL's dispatch also look for libraries: lists of paths, of which relative ones are
-// left out.
+// Lists of paths in which the loader and OpenGL's dispatch also search for libraries. Relative ones are not
+// allowed.
 constexpr const char* kLibraryVariables[] = {"LD_LIBRARY_PATH", "LIBGL_DRIVERS_PATH", "GBM_BACKENDS_PATH",
                                              "__EGL_VENDOR_LIBRARY_DIRS", "__EGL_VENDOR_LIBRARY_FILENAMES"};
 

@@ -11,7 +11,8 @@ processor time that a step takes outside the compiled part is Python's share. Ne
 for peers mujoco and shm_protocol.
 
 --who warp measures MuJoCo Warp (package mujoco-warp) on an NVIDIA accelerator, the same model in many worlds at once and its
-steps as one CUDA graph; neither proximity nor reward is computed there. It takes CG or Newton, whichever is faster in a trial.
+steps as one CUDA graph; neither proximity nor reward is computed there. It takes CG or Newton, whichever is faster, with
+pyramidal cones.
 
 --who controller measures an APRON program that commands the wave instead, in VectorEnv and in a process beside each
 simulator; the controller's share is the processor time that a step takes beyond one with the same actions from Python.
@@ -245,7 +246,7 @@ def measure_warp(n, k, substeps, worlds, how):
         model = mujoco.MjModel.from_xml_string(mjcf(n, k, 1 / 60 / substeps, solver, "pyramidal"))
         started = mujoco.MjData(model)
         mujoco.mj_forward(model, started)
-        # Most contacts of a sphere: three pins on each side and two walls; four constraints of the pyramid each.
+        # A sphere touches at most four pins and two walls, beside other spheres; a pyramid has four constraints.
         contacts = k * 8 + k * (k - 1) // 2
         many = mujoco_warp.put_model(model)
         data = mujoco_warp.put_data(model, started, nworld=worlds, nconmax=contacts, njmax=4 * contacts)
@@ -288,7 +289,7 @@ def measure_warp(n, k, substeps, worlds, how):
         best[solver] = max(rate(graph, calls) for _ in range(3)), float(np.mean(height < 0)), float(height.mean())
     solver = max(best, key=lambda name: best[name][0])
     return {"steps_per_s": best[solver][0], "options": solver, "fallen": best[solver][1], "height": best[solver][2],
-            "version": mujoco_warp.__version__, "device": warp.get_device().name, "all": {s: v[0] for s, v in best.items()}}
+            "version": mujoco_warp.__version__, "device": warp.get_device().name, "solvers": {s: v[0] for s, v in best.items()}}
 
 
 def measurements(how):

@@ -69,6 +69,12 @@ scene::ObjectSpec random_body(Draw& draw, const Vector3d& position) {
   return o;
 }
 
+// FAST_SEEDS=6000 draws more than `usual`.
+unsigned seed_count(unsigned usual) {
+  const char* more = std::getenv("FAST_SEEDS");
+  return more ? static_cast<unsigned>(std::atoi(more)) : usual;
+}
+
 // Hits set slender bodies spinning by turns in a step. A kind of kSlenderKinds or more is a capsule.
 constexpr unsigned kSlenderKinds = 5;
 scene::ObjectSpec slender_body(Draw& draw, unsigned kind, const Vector3d& position) {
@@ -107,12 +113,9 @@ scene::ObjectSpec slender_body(Draw& draw, unsigned kind, const Vector3d& positi
 
 }  // namespace
 
-// A wall of any thickness and pose, fixed or moving towards the body, which may tumble. FAST_SEEDS=6000 draws
-// more than the 360.
+// A wall of any thickness and pose, fixed or moving towards the body, which may tumble.
 TEST_P(FastBodies, DoNotPassWall) {
-  const char* more = std::getenv("FAST_SEEDS");
-  const unsigned seeds = more ? static_cast<unsigned>(std::atoi(more)) : 360;
-  for (unsigned seed = 1; seed <= seeds; ++seed) {
+  for (unsigned seed = 1; seed <= seed_count(360); ++seed) {
     SCOPED_TRACE(seed);
     restart(seed % 3 == 0 ? 0.5 : 0.0);
     Draw draw(seed);
@@ -220,7 +223,7 @@ TEST_P(FastBodies, PassBesidePole) {
 // A body that spins fast beside a fixed one, at any depth of their overlap, goes on moving: it is let apart,
 // or in by a little. It may creep for a while.
 TEST_P(FastBodies, SpinningMoveOn) {
-  for (unsigned seed = 1; seed <= 300; ++seed) {
+  for (unsigned seed = 1; seed <= seed_count(300); ++seed) {
     SCOPED_TRACE(seed);
     restart(0.0);
     Draw draw(seed);

@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <csignal>
@@ -36,20 +37,20 @@ class PassingOn {
     worker.store(child);
     struct sigaction action {};
     action.sa_handler = pass_on;
-    for (int i = 0; i < kCount; ++i) {
+    for (std::size_t i = 0; i < kSignals.size(); ++i) {
       ::sigaction(kSignals[i], nullptr, &before_[i]);
       if (before_[i].sa_handler != SIG_IGN) ::sigaction(kSignals[i], &action, nullptr);
     }
   }
   ~PassingOn() {
-    for (int i = 0; i < kCount; ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) ::sigaction(kSignals[i], &before_[i], nullptr);
   }
   PassingOn(const PassingOn&) = delete;
   PassingOn& operator=(const PassingOn&) = delete;
 
  private:
-  static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP, SIGXCPU}, kCount = 4;
-  struct sigaction before_[kCount] = {};
+  static constexpr std::array kSignals{SIGINT, SIGTERM, SIGHUP, SIGXCPU};
+  std::array<struct sigaction, kSignals.size()> before_{};
 };
 
 int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, int socket) {

@@ -162,7 +162,7 @@ float PairSweep::time_of_overlap() const {
       const float known = known_depth(part_a) + known_depth(part_b);
       const float left = std::max(allowed + start, std::min(0.1F * allowed, known + start));
       Range range{start - 0.5F * left, start - 0.3F * left};
-      // Deep ones too: they would otherwise hang as they are, although they move apart or turn.
+      // A range above the present distance would stop deep ones at once, also those that move apart or turn.
       range.low = std::min(range.low, distance - 0.2F * left);
       range.high = std::min(range.high, distance - 0.1F * left);
       if (left < 0.1F * allowed) {

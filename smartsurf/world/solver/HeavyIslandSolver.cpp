@@ -88,8 +88,8 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     // As a multiple of what the contact yields in the direct solver.
     const float excess =
         is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
-    // Of an unequal pair, the lighter body bears the heavier one if it is below it. On top of it, it presses
-    // only with what it bears itself.
+    // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
+    // presses only with its own weight and what it bears itself.
     const float(&normal)[3][kLanes] = points.point[o.first_point].normal;  // from b to a
     const float up = -weight.dot(Vec3(normal[0][lane], normal[1][lane], normal[2][lane]));
     const bool is_below = (a >= b ? -up : up) > 0.0F;
