@@ -215,22 +215,23 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   if (!bodies.is_active(i) || !neighbours.has_several(i)) return;
   find_touched(bodies, i, neighbours, pairs, statics, touched);
   if (touched.size() < 2) return;
+  const Vec3 own_velocity = bodies.velocity(i);
   for (Touched& one : touched)
     for (const Contact& c : one.contacts) {
       const Vec3 point = bodies.position[one.manifold->a] + c.anchor,
                  speed = velocity_at(bodies, one.other, point);
+      const float sliding = (own_velocity - speed).norm();
+      if (sliding < kSliding) continue;
       // The contact's point may be on the body, as far away as it travels in a step.
       const bool is_of_body = static_cast<std::size_t>(one.manifold->a) == i;
       const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
-      const float sliding = (velocity_at(bodies, i, bodies.position[i]) - speed).norm();
-      if (sliding < kSliding) continue;
+      const float together = std::max(kTogether, kTogetherShare * sliding);
       for (Touched& next : touched) {
         // Fixed bodies have been corrected among each other.
         const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
-        if (next.other == one.other || are_fixed) continue;
-        if (!may_continue(bodies, next.other, point) && !may_continue(bodies, next.other, on_other)) continue;
-        if ((velocity_at(bodies, next.other, point) - speed).norm() <
-            std::max(kTogether, kTogetherShare * sliding))
+        if (next.other == one.other || are_fixed || (one.is_under && next.is_under)) continue;
+        if ((velocity_at(bodies, next.other, point) - speed).norm() < together &&
+            (may_continue(bodies, next.other, point) || may_continue(bodies, next.other, on_other)))
           one.is_under = next.is_under = true;
       }
     }
