@@ -154,6 +154,18 @@ struct SymmetricMat3 {
   }
 };
 
+// Solves a·x = b for a positive definite matrix (LDLᵀ).
+template <class F>
+WORLD_INLINE Vector3<F> solve_symmetric(const SymmetricMat3<F>& a, const Vector3<F>& b) {
+  const F one = constant<F>(1);
+  const F i0 = one / a.xx, l1 = a.xy * i0, l2 = a.xz * i0;
+  const F i1 = one / (a.yy - l1 * a.xy), rest = a.yz - l2 * a.xy, l3 = rest * i1;
+  const F i2 = one / (a.zz - l2 * a.xz - l3 * rest);
+  const F y1 = b.y - l1 * b.x, y2 = b.z - l2 * b.x - l3 * y1;
+  const F x2 = y2 * i2, x1 = y1 * i1 - l3 * x2;
+  return {b.x * i0 - l1 * x1 - l2 * x2, x1, x2};
+}
+
 // Completes a unit vector to an orthonormal basis (Duff et al., Building an Orthonormal Basis, Revisited,
 // 2017).
 template <class F>

@@ -49,6 +49,17 @@ WORLD_INLINE F deflecting_impulse(F impulse, F steady_impulse, const SubstepPara
   return max(impulse - constant<F>(params.steady_share) * steady_impulse, constant<F>(0));
 }
 
+// The normal speed that the direct solution of several contacts of a body gives to one of them in the solve
+// stage: where it overlaps, less the speed by which its spring yields.
+template <class F>
+WORLD_INLINE F soft_target_speed(F separation, F impulse, F steady_impulse, F normal_mass,
+                                 const SubstepParams& params) {
+  const F push = push_out_speed(separation, params);
+  const F softness = constant<F>(params.impulse_scale / params.mass_scale);
+  return if_positive(separation, push,
+                     push - softness * deflecting_impulse(impulse, steady_impulse, params) / normal_mass);
+}
+
 // The impulse with which a contact that has the normal speed `speed` gets `target_speed`. A contact does not
 // pull. `relief` is the reduction of the impulse by the deflection of a soft contact.
 template <class F>

@@ -88,7 +88,8 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
                       .all_spheres = bodies.non_spheres == 0,
                       .gravity_change = gravity_change_,
                       .active_rows = find_active_rows(input.partition, own_slabs, member.index),
-                      .deep_contacts = deep_contacts_[member.index]};
+                      .deep_contacts = deep_contacts_[member.index],
+                      .supports = supports_[member.index]};
   context.deep_contacts.clear();
   run_stages(context, member);
 }
@@ -99,7 +100,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   };
   const int rows = partition.row_count(), points = graph_.point_count();
   grow(velocity_, rows), grow(delta_pose_, rows), grow(inverse_inertia_, rows);
-  if (has_supports_) grow(static_manifold_, rows);
+  if (has_supports_) grow(support_of_row_, rows);
   grow(start_velocity_, rows), grow(material_, rows);
   grow(point_, points), grow(detail_, points);
   if (has_cell_limits) grow(limit_, points);
@@ -108,6 +109,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   heavy_islands_.reset(member_count, rows);
   deep_contacts_.resize(member_count);
   active_rows_.resize(member_count);
+  supports_.resize(member_count);
 }
 
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them,
@@ -135,7 +137,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     serial_batches_.clear();
     for (const BatchRange& next : graph_.own_batches(member)) serial_batches_.append(next);
   }
-  if (has_supports_) prepare_supports(context);
+  if (has_supports_) {
+    collect_supports(context, member);
+    prepare_supports(context);
+  }
   if (heavy_islands_.any_heavy_lane())
     heavy_islands_.build({graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
                           context.input.supports, settings_.gravity, h_s},
@@ -255,6 +260,16 @@ void Solver::load_bodies(StepContext& context) {
       delta_pose_[row] = {};
     }
   }
+  if (!has_supports_) return;
+  std::fill(support_of_row_.begin() + context.own_rows.begin, support_of_row_.begin() + context.own_rows.end,
+            SupportReference{});
+  for (std::int32_t s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
+    std::vector<SupportPatch>& patches = context.input.supports[s].patches;
+    for (Index k = 0; k < std::ssize(patches); ++k) {
+      patches[k].row = context.partition.row(patches[k].body);
+      support_of_row_[patches[k].row] = {s, static_cast<std::int32_t>(k)};
+    }
+  }
 }
 
 // Velocity change by gravity and the body's wrench in a substep.
@@ -314,7 +329,7 @@ void Solver::lead_turning_cells(StepContext& context, const Member& member, floa
     }
   }
   if (!has_supports_) return;
-  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p, std::span<Contact>) {
     for (Index i = p.first; i < p.first + p.count; ++i) {
       const Vec3 change = turned(p.row, list.samples.spin[i]);
       list.samples.velocity_x[i] += change.x(), list.samples.velocity_y[i] += change.y();
@@ -372,29 +387,47 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
 void Solver::run_supports(StepContext& context, const Member& member, SupportStage support_stage) {
   const SubstepParams& static_params = context.static_params;
   member.wait();
-  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
+  const bool is_soft = support_stage == SupportStage::kSolve;
+  const auto solve_points_of = [&](SupportPatches& list, SupportPatch& p) {
     const std::int32_t row = p.row;
-    if (support_stage == SupportStage::kWarmStart) {
-      if (p.is_elastic) warm_start_springs(p, velocity_[row], inverse_inertia_[row]);
-      return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
-    }
-    const bool is_soft = support_stage == SupportStage::kSolve;
-    auto solve_points = [&] {
-      if (p.is_elastic)
-        return solve_springs(list, p, static_params, is_soft, velocity_[row], delta_pose_[row],
-                             inverse_inertia_[row]);
+    if (p.is_elastic)
+      solve_springs(list, p, static_params, is_soft, velocity_[row], delta_pose_[row], inverse_inertia_[row]);
+    else
       solve_support_points(list, p, batch_points(), static_params, is_soft, velocity_[row], delta_pose_[row],
                            inverse_inertia_[row]);
+  };
+  for (SupportBatch& batch : context.supports) {
+    const auto for_each = [&](auto each) {
+      for (int lane = 0; lane < kLanes; ++lane)
+        if (batch.patch[lane] != nullptr) each(*batch.list[lane], *batch.patch[lane], lane);
+    };
+    if (support_stage == SupportStage::kWarmStart) {
+      for_each([&](SupportPatches&, SupportPatch& p, int) {
+        if (p.is_elastic) warm_start_springs(p, velocity_[p.row], inverse_inertia_[p.row]);
+        warm_start_support(p, velocity_[p.row], inverse_inertia_[p.row]);
+      });
+      continue;
+    }
+    const auto solve_points = [&] {
+      support_kernels().solve_points(batch.lanes, batch_points(), static_params, is_soft, velocity_.data(),
+                                     delta_pose_.data(), inverse_inertia_.data());
+      if (!batch.has_single_points) return;
+      for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
+        if (batch.lanes.points[lane] == 0) solve_points_of(list, p);
+      });
     };
     solve_points();
-    solve_support(list, p, batch_points(), is_soft, velocity_[row], inverse_inertia_[row]);
+    for_each([&](SupportPatches& list, SupportPatch& p, int) {
+      solve_support(list, p, batch_points(), is_soft, velocity_[p.row], inverse_inertia_[p.row]);
+    });
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
-    if (!is_soft) {
-      solve_points();
-      share_loads(list, p, batch_points());
-    }
-    if (p.is_elastic) end_spring_stage(list, p, is_soft, velocity_[row]);
-  });
+    if (!is_soft) solve_points();
+    if (!batch.has_single_points) continue;
+    for_each([&](SupportPatches& list, SupportPatch& p, int) {
+      if (!is_soft) share_loads(list, p, batch_points());
+      if (p.is_elastic) end_spring_stage(list, p, is_soft, velocity_[p.row]);
+    });
+  }
   member.arrive();
 }
 
@@ -448,38 +481,59 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
   member.arrive();
 }
 
-// ---- support patches, each member those of its slabs
+// ---- support patches, each member those of its batches
 
 template <class Each>
-void Solver::for_each_own_support(const StepContext& context, Each each) const {
-  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
-    SupportPatches& list = context.input.supports[s];
-    for (SupportPatch& p : list.patches) each(list, p);
-  }
+void Solver::for_each_own_support(const StepContext& context, Each each) {
+  for (SupportBatch& batch : context.supports)
+    for (int lane = 0; lane < kLanes; ++lane)
+      if (batch.patch[lane] != nullptr) each(*batch.list[lane], *batch.patch[lane], batch.contacts[lane]);
 }
 
-std::span<Contact> Solver::contacts_of_row(StepContext& context, int row) const {
-  ContactList& list = context.input.static_contacts;
-  const Manifold& m = list.manifolds[static_manifold_[row].manifold];
-  return std::span(list.contacts).subspan(m.first, m.count);
+void Solver::collect_supports(StepContext& context, const Member& member) {
+  context.supports.clear();
+  const auto add = [&](int index) {
+    const ContactBatch& o = graph_.batch(index);
+    SupportBatch batch;
+    batch.lanes.first_point = o.first_point, batch.lanes.point_count = o.point_count;
+    std::copy_n(o.a, kLanes, batch.lanes.row);
+    bool any = false;
+    for (int lane = 0; lane < o.lane_count; ++lane) {
+      const SupportReference at = support_of_row_[o.a[lane]];
+      if (at.slab < 0) continue;
+      any = true;
+      SupportPatches& list = context.input.supports[at.slab];
+      SupportPatch& p = list.patches[at.patch];
+      p.batch_point = o.first_point, p.lane = lane, p.has_impulse_limit = o.has_impulse_limit;
+      batch.list[lane] = &list, batch.patch[lane] = &p;
+      batch.contacts[lane] = context.input.static_contacts.contacts_of(
+          context.input.static_contacts.manifolds[graph_.manifold(index, lane)]);
+      if (p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints)
+        batch.has_single_points = true;
+      else
+        for (const std::int32_t k : support::points_of(list, p))
+          batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
+    }
+    if (batch.has_single_points && o.point_count > SupportLanes::kMostPoints) batch.lanes.point_count = 0;
+    if (any) context.supports.push_back(batch);
+  };
+  for (const BatchRange& run : graph_.own_batches(member))
+    for (int i = run.first; run.kind == kGeneralStatic && i < run.first + run.count; ++i) add(i);
 }
 
 void Solver::prepare_supports(StepContext& context) {
-  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
-    const int row = p.row = context.partition.row(p.body);
-    p.batch_point = static_manifold_[row].batch_point;
-    p.lane = static_manifold_[row].lane;
-    p.has_impulse_limit = static_manifold_[row].has_impulse_limit;
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
+    const int row = p.row;
     prepare_support(list, p, velocity_[row], inverse_inertia_[row],
                     material_[row].friction_root * field_material_.friction_root,
-                    context.static_params.substep_fraction, contacts_of_row(context, p.row));
+                    context.static_params.substep_fraction, contacts);
     if (p.is_elastic) prepare_springs(list, p, velocity_[row], context.static_params.substep_fraction);
   });
 }
 
 void Solver::store_supports(StepContext& context) {
-  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
-    store_support(list, p, contacts_of_row(context, p.row));
+  for_each_own_support(context, [](SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
+    store_support(list, p, contacts);
   });
 }
 

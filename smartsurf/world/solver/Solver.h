@@ -26,6 +26,7 @@
 #include "smartsurf/world/solver/JointedContacts.h"
 #include "smartsurf/world/solver/SharedBatches.h"
 #include "smartsurf/world/solver/SkinSolver.h"
+#include "smartsurf/world/solver/SupportKernels.h"
 #include "smartsurf/world/solver/TipSolver.h"
 
 namespace smartsurf::world {
@@ -82,6 +83,14 @@ class Solver {
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
  private:
+  // The support patches of the bodies in one batch of static contacts.
+  struct SupportBatch {
+    SupportPatches* list[kLanes] = {};
+    SupportPatch* patch[kLanes] = {};     // null: the lane has none
+    std::span<Contact> contacts[kLanes];  // of the body with what is static
+    bool has_single_points = false;       // of a patch that `lanes` does not have
+    SupportLanes lanes;
+  };
   // What the stages of a step share. Each member has its own.
   struct StepContext {
     BodyStore& bodies;
@@ -97,6 +106,7 @@ class Solver {
     const BodyVelocity& gravity_change;       // per substep
     std::span<const IndexRange> active_rows;  // of the member's slabs
     std::vector<DeepContact>& deep_contacts;  // of the member
+    std::vector<SupportBatch>& supports;      // of the member's batches
 
     bool may_impact() const { return any_restitution || !all_spheres; }
     bool has_side_stages() const {
@@ -140,13 +150,13 @@ class Solver {
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
                          float elapsed_s, SupportStage);
   void run_supports(StepContext&, const Member&, SupportStage);
+  void collect_supports(StepContext&, const Member&);
   template <class Each>
-  void for_each_own_support(const StepContext&, Each each) const;
+  static void for_each_own_support(const StepContext&, Each each);
   template <class OnJoints, class OnPoints>
   void run_side_stage(const StepContext&, const Member&, OnJoints, OnPoints);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }
   void settle_jointed_contacts(StepContext&, const Member&, bool is_soft);
-  std::span<Contact> contacts_of_row(StepContext&, int row) const;
   void prepare_supports(StepContext&);
   void store_supports(StepContext&);
 
@@ -173,14 +183,13 @@ class Solver {
   std::vector<DeltaPose> delta_pose_;
   std::vector<InverseInertia> inverse_inertia_;
   std::vector<SurfaceMaterial> material_;
-  // Where the static contacts of a row's body are: manifold, and the place of their first point. Only set if
-  // there are support patches.
-  struct StaticManifold {
-    std::int32_t manifold, batch_point, lane;
-    bool has_impulse_limit;  // of its batch
+  // The support patch of a row's body; only set if there are any.
+  struct SupportReference {
+    std::int32_t slab = -1, patch = 0;  // slab < 0: none
   };
-  std::vector<StaticManifold> static_manifold_;
+  std::vector<SupportReference> support_of_row_;
   bool has_supports_ = false;                            // in this step
+  std::vector<std::vector<SupportBatch>> supports_;      // by member, of its batches
   std::vector<std::vector<DeepContact>> deep_contacts_;  // one list per member
   std::vector<std::vector<IndexRange>> active_rows_;     // likewise
   std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep

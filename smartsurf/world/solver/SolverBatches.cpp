@@ -81,9 +81,6 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   fill_points(context, kind, o, contacts);
   if (is_static && !context.input.cell_limits.empty())
     fill_impulse_limits(context, o, index, context.contact_list(kind));
-  if (is_static && !is_sphere_kind(kind) && has_supports_)
-    for (int lane = 0; lane < o.lane_count; ++lane)
-      static_manifold_[o.a[lane]] = {graph_.manifold(index, lane), o.first_point, lane, o.has_impulse_limit};
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.static_params);
 }
 

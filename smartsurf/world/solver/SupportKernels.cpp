@@ -136,8 +136,134 @@ void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {
   for (int k = 0; k < 3; ++k) impulse[k] = sums.total(k);
 }
 
+// ---- normal impulses, several patches at once, in doubles
+
+using D = LanesOf<double>;
+using HalfTag = hn::Rebind<float, LanesTag<double>>;
+using Half = hn::Vec<HalfTag>;  // as many floats
+constexpr int kDoubles = kWidthOf<double>;
+
+HWY_INLINE D widen(Half a) { return hn::PromoteTo(LanesTag<double>(), a); }
+HWY_INLINE Half narrow(D a) { return hn::DemoteTo(HalfTag(), a); }
+HWY_INLINE Half load_half(const float* lanes, int first) { return hn::LoadU(HalfTag(), lanes + first); }
+
+// What solve_points() reads and writes of the bodies, by lane.
+struct SupportedBodies {
+  float velocity_z[kLanes], spin_x[kLanes], spin_y[kLanes], inverse_mass[kLanes];
+  float moved_z[kLanes], turned_x[kLanes], turned_y[kLanes];
+  float xx[kLanes], xy[kLanes], yy[kLanes];  // of the inverse inertia
+
+  SupportedBodies(const std::int32_t (&row)[kLanes], const BodyVelocity* velocity,
+                  const DeltaPose* delta_pose, const InverseInertia* inverse_inertia) {
+    for (int i = 0; i < kLanes; ++i) {
+      const BodyVelocity& m = velocity[row[i]];
+      const DeltaPose& d = delta_pose[row[i]];
+      const InverseInertia& w = inverse_inertia[row[i]];
+      velocity_z[i] = m.velocity[2], inverse_mass[i] = m.inverse_mass;
+      spin_x[i] = m.angular_velocity[0], spin_y[i] = m.angular_velocity[1];
+      moved_z[i] = d.translation[2], turned_x[i] = d.rotation[0], turned_y[i] = d.rotation[1];
+      xx[i] = w.xx, xy[i] = w.xy, yy[i] = w.yy;
+    }
+  }
+};
+
+// The lanes of a vector of doubles from `at` on.
+HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const SupportedBodies& bodies,
+                                  BatchPoints points, const SubstepParams& params, bool is_soft,
+                                  BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
+  const D zero_d = constant<D>(0), one = constant<D>(1);
+  const Half none = constant<Half>(0);
+  const auto of_bodies = [at](const float(&lanes)[kLanes]) HWY_ATTR { return load_half(lanes, at); };
+  const D inverse_mass = widen(of_bodies(bodies.inverse_mass)), xx = widen(of_bodies(bodies.xx)),
+          xy = widen(of_bodies(bodies.xy)), yy = widen(of_bodies(bodies.yy));
+  const D determinant = xx * yy - xy * xy;
+  const D mass = one / inverse_mass, hard_stiffness = mass / constant<D>(kSupportCompliance);
+  const D inverse_softness = constant<D>(1.0 / static_cast<double>(params.impulse_scale / params.mass_scale));
+  const Half velocity_z = of_bodies(bodies.velocity_z), spin_x = of_bodies(bodies.spin_x),
+             spin_y = of_bodies(bodies.spin_y);
+  struct Point {
+    alignas(64) double x[kDoubles], y[kDoubles], stiffness[kDoubles], error[kDoubles], change[kDoubles];
+  };
+  Point bearing[SupportLanes::kMostPoints];
+  const D inverse_determinant = one / determinant;
+  SymmetricMat3<D> sum{mass,   xx * inverse_determinant, yy * inverse_determinant, zero_d,
+                       zero_d, xy * inverse_determinant};
+  Vector3<D> force{zero_d, zero_d, zero_d};
+  D greatest_error = zero_d, count = zero_d;
+  for (int k = 0; k < s.point_count; ++k) {
+    const BatchPoint& p = points.point[s.first_point + k];
+    const BatchPointDetail& d = points.detail[s.first_point + k];
+    const Half impulse = load_half(p.normal_impulse, at), normal_mass = load_half(p.normal_mass, at);
+    const Half x = load_half(d.anchor_a[0], at), y = load_half(d.anchor_a[1], at),
+               rise = load_half(d.surface_velocity[2], at);
+    const Half speed = velocity_z + (spin_x * y - spin_y * x) - rise;
+    D stiffness = hard_stiffness;
+    Half target_speed = load_half(p.relax_target_speed, at);
+    if (is_soft) {
+      const Half separation = load_half(p.separation, at) + of_bodies(bodies.moved_z) +
+                              (of_bodies(bodies.turned_x) * y - of_bodies(bodies.turned_y) * x) -
+                              rise * constant<Half>(params.elapsed_s);
+      target_speed =
+          soft_target_speed(separation, impulse, load_half(d.steady_impulse, at), normal_mass, params);
+      stiffness = if_positive(widen(separation), stiffness, inverse_softness * widen(normal_mass));
+    }
+    float has[kLanes];
+    for (int i = 0; i < kDoubles; ++i) has[i] = static_cast<float>(s.points[at + i] >> k & 1U);
+    const Half bears_half = if_positive(impulse, if_positive(normal_mass, load_half(has, 0), none), none);
+    const D bears = widen(bears_half);
+    const D error = if_positive(bears, widen(target_speed - speed), zero_d);
+    stiffness = if_positive(bears, stiffness, zero_d);
+    greatest_error = hn::Max(greatest_error, hn::Abs(error));
+    count = count + bears;
+    const D at_x = widen(x), at_y = widen(y), pull = stiffness * error;
+    force.x = force.x + pull, force.y = force.y + pull * at_x, force.z = force.z + pull * at_y;
+    const D kx = stiffness * at_x, ky = stiffness * at_y;
+    sum.xx = sum.xx + stiffness, sum.xy = sum.xy + kx, sum.xz = sum.xz + ky;
+    sum.yy = sum.yy + kx * at_x, sum.yz = sum.yz + kx * at_y, sum.zz = sum.zz + ky * at_y;
+    store(at_x, bearing[k].x, 0), store(at_y, bearing[k].y, 0);
+    store(stiffness, bearing[k].stiffness, 0), store(error, bearing[k].error, 0);
+  }
+  auto is_solved = hn::And(hn::And(hn::Gt(determinant, zero_d), hn::Gt(inverse_mass, zero_d)),
+                           hn::And(hn::Gt(count, one), hn::Gt(greatest_error, constant<D>(kSupportSolved))));
+  if (hn::AllFalse(LanesTag<double>(), is_solved)) return;
+  const Vector3<D> change = solve_symmetric(sum, force);
+  Vector3<D> wrench{zero_d, zero_d, zero_d};
+  for (int k = 0; k < s.point_count; ++k) {
+    Point& b = bearing[k];
+    const D stiffness = load(b.stiffness, 0), x = load(b.x, 0), y = load(b.y, 0);
+    const D impulse = stiffness * (load(b.error, 0) - (change.x + x * change.y + y * change.z));
+    // Where a point would have to pull, the sweeps decide which one bears.
+    const D after = widen(load_half(points.point[s.first_point + k].normal_impulse, at)) + impulse;
+    is_solved = hn::And(is_solved, hn::Or(hn::Gt(after, zero_d), hn::Le(stiffness, zero_d)));
+    wrench.x = wrench.x + impulse, wrench.y = wrench.y + impulse * x, wrench.z = wrench.z + impulse * y;
+    store(impulse, b.change, 0);
+  }
+  double applies[kDoubles], of_wrench[3][kDoubles];
+  store(hn::IfThenElseZero(is_solved, one), applies, 0);
+  store(wrench.x, of_wrench[0], 0), store(wrench.y, of_wrench[1], 0), store(wrench.z, of_wrench[2], 0);
+  for (int k = 0; k < s.point_count; ++k) {
+    BatchPoint& p = points.point[s.first_point + k];
+    const Half impulse = narrow(hn::IfThenElseZero(is_solved, load(bearing[k].change, 0)));
+    hn::StoreU(load_half(p.normal_impulse, at) + impulse, HalfTag(), p.normal_impulse + at);
+    if (!is_soft)
+      hn::StoreU(load_half(p.total_normal_impulse, at) + impulse, HalfTag(), p.total_normal_impulse + at);
+  }
+  for (int i = 0; i < kDoubles; ++i)
+    if (applies[i] != 0.0)
+      apply_wrench(of_wrench[0][i], of_wrench[1][i], of_wrench[2][i], velocity[s.row[at + i]],
+                   inverse_inertia[s.row[at + i]]);
+}
+
+void solve_points(const SupportLanes& s, BatchPoints points, const SubstepParams& params, bool is_soft,
+                  BodyVelocity* velocity, const DeltaPose* delta_pose,
+                  const InverseInertia* inverse_inertia) {
+  const SupportedBodies bodies(s.row, velocity, delta_pose, inverse_inertia);
+  for (int at = 0; at < kLanes; at += kDoubles)
+    solve_points_from(at, s, bodies, points, params, is_soft, velocity, inverse_inertia);
+}
+
 const SupportKernelTable* support_table() {
-  static const SupportKernelTable kTable{sum_loads, store_loads, solve_friction, sum_friction};
+  static const SupportKernelTable kTable{sum_loads, store_loads, solve_friction, sum_friction, solve_points};
   return &kTable;
 }
 

@@ -1,7 +1,10 @@
-// The inner loops of distributed support: sums over the samples of one patch, see field/SupportPatch.h.
+// The inner loops of distributed support, see field/SupportPatch.h: sums over the samples of one patch, and
+// the normal impulses of several.
 //
 // Compiled for several instruction sets with run-time dispatch; all of them give bit-identical results.
 #pragma once
+
+#include "smartsurf/world/solver/ContactBatch.h"
 
 namespace smartsurf::world {
 
@@ -27,6 +30,27 @@ struct FrictionSums {
   double impulse[3], stiffness[4];
 };
 
+// The patches of the bodies in the lanes of a contact batch.
+struct SupportLanes {
+  static constexpr int kMostPoints = 32;
+  std::int32_t first_point = 0, point_count = 0;  // of the batch
+  std::int32_t row[kLanes] = {};                  // of the body
+  std::uint32_t points[kLanes] = {};              // bit k: the patch has the batch's point k; 0: no patch
+};
+// Applies vertical impulses at points (x, y) of a body: their sum, and the sums of impulse·x and impulse·y.
+inline void apply_wrench(double force, double moment_x, double moment_y, BodyVelocity& m,
+                         const InverseInertia& w) {
+  const auto tx = static_cast<float>(moment_y), ty = static_cast<float>(-moment_x);
+  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
+  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
+  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
+  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+}
+
+// See solve_support_points(): compliance of each point, relative to the body's, which shares the load where
+// the points are redundant; and the error of the speed that needs no solution, u/s.
+inline constexpr double kSupportCompliance = 1e-3, kSupportSolved = 1e-7;
+
 struct SupportKernelTable {
   void (*sum_loads)(const SupportSampleView&, const float (&load)[3], LoadSums&);
   void (*store_loads)(const SupportSampleView&, const float (&load)[3]);
@@ -37,6 +61,9 @@ struct SupportKernelTable {
   void (*solve_friction)(const SupportSampleView&, const float (&cone)[3], const float (&offset)[2],
                          const float (&velocity)[3], float tangent_mass, FrictionSums&);
   void (*sum_friction)(const SupportSampleView&, double (&impulse)[3]);
+  // solve_support_points() of patches without shares and elastic tops, of at most kMostPoints points.
+  void (*solve_points)(const SupportLanes&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
+                       const DeltaPose*, const InverseInertia*);
 };
 
 // The kernels for the best instruction set of this machine.

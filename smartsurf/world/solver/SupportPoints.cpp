@@ -12,8 +12,6 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
                           const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
                           const InverseInertia& w) {
   using support::Matrix3, support::Vector3;
-  // Compliance of each point, relative to the body's: shares the load where the points are redundant.
-  constexpr double kCompliance = 1e-3;
   // A cell whose load comes near to what it can give may slow down under it: that is left to the sweeps.
   constexpr float kExhausted = 0.9F;
   bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
@@ -37,9 +35,8 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
   const double determinant = xx * yy - xy * xy;
   if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
-  const double mass = 1.0 / inverse_mass, hard_stiffness = mass / kCompliance;
-  const float softness = params.impulse_scale / params.mass_scale;
-  const double inverse_softness = 1.0 / static_cast<double>(softness);
+  const double mass = 1.0 / inverse_mass, hard_stiffness = mass / kSupportCompliance;
+  const double inverse_softness = 1.0 / static_cast<double>(params.impulse_scale / params.mass_scale);
   double greatest_error = 0.0;
   auto add = [&](std::int32_t k, BatchPointLimit* limit) {
     const BatchPoint& point = points.point[k];
@@ -59,12 +56,9 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
       const float separation = point.separation[lane] + delta.translation[2] +
                                (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s +
                                lag;
-      target_speed = law::push_out_speed(separation, params);
-      if (separation <= 0.0F) {
-        target_speed -= softness * law::deflecting_impulse(impulse, d.steady_impulse[lane], params) /
-                        point.normal_mass[lane];
-        stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
-      }
+      target_speed = law::soft_target_speed(separation, impulse, d.steady_impulse[lane],
+                                            point.normal_mass[lane], params);
+      if (separation <= 0.0F) stiffness = inverse_softness * static_cast<double>(point.normal_mass[lane]);
     }
     const double error = static_cast<double>(target_speed - speed);
     greatest_error = std::max(greatest_error, std::abs(error));
@@ -81,8 +75,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
         list, p, points, [&](std::int32_t k, BatchPointLimit* limit, const PointShare&) { add(k, limit); });
   else
     for (const std::int32_t i : support::points_of(list, p)) add(p.batch_point + i, nullptr);
-  constexpr double kSolved = 1e-7;  // u/s
-  if (count < 2 || any_exhausted || greatest_error <= kSolved) return;
+  if (count < 2 || any_exhausted || greatest_error <= kSupportSolved) return;
   // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in
   // series with the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ stiffness · error. Points that
   // would pull lose their impulse.
@@ -125,7 +118,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     if (b.limit) b.limit->load[lane] += impulse_change;
     force += b.impulse_change, moment_x += b.impulse_change * b.x, moment_y += b.impulse_change * b.y;
   }
-  support::apply_wrench({force, moment_x, moment_y}, m, w);
+  apply_wrench(force, moment_x, moment_y, m, w);
 }
 
 }  // namespace smartsurf::world

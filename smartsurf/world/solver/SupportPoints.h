@@ -5,30 +5,23 @@
 #include <span>
 
 #include "smartsurf/world/field/SupportPatch.h"
-#include "smartsurf/world/solver/ContactBatch.h"
+#include "smartsurf/world/solver/ContactLaw-inl.h"
+#include "smartsurf/world/solver/SupportKernels.h"
 
 namespace smartsurf::world::support {
 
 using Vector3 = Eigen::Vector3d;
 using Matrix3 = Eigen::Matrix3d;
 
-// Solves a·x = b for a positive definite matrix (LDLᵀ).
+// Solves a·x = b for a positive definite matrix.
 inline Vector3 solve(const Matrix3& a, const Vector3& b) {
-  const double i0 = 1.0 / a(0, 0), l1 = a(0, 1) * i0, l2 = a(0, 2) * i0;
-  const double i1 = 1.0 / (a(1, 1) - l1 * a(0, 1)), rest = a(1, 2) - l2 * a(0, 1), l3 = rest * i1;
-  const double i2 = 1.0 / (a(2, 2) - l2 * a(0, 2) - l3 * rest);
-  const double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
-  const double x2 = y2 * i2, x1 = y1 * i1 - l3 * x2;
-  return {b[0] * i0 - l1 * x1 - l2 * x2, x1, x2};
+  const law::Vector3<double> x = law::solve_symmetric(
+      law::SymmetricMat3<double>{a(0, 0), a(1, 1), a(2, 2), a(0, 1), a(0, 2), a(1, 2)}, {b[0], b[1], b[2]});
+  return {x.x, x.y, x.z};
 }
 
-// Applies vertical impulses p at the points (x, y) of a body; wrench: the sums of p, p·x and p·y.
 inline void apply_wrench(const Vector3& wrench, BodyVelocity& m, const InverseInertia& w) {
-  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
-  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
-  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
-  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
-  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+  world::apply_wrench(wrench[0], wrench[1], wrench[2], m, w);
 }
 
 inline std::span<const std::int32_t> points_of(const SupportPatches& list, const SupportPatch& p) {
