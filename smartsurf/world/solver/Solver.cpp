@@ -146,7 +146,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
                           context.input.supports, settings_.gravity, h_s},
                          context.own_rows, member);
   integrate_velocities(context, true);
-  if (context.input.has_turning_cells) lead_turning_cells(context, member, 0.5F * h_s);
+  if (context.input.has_turning_cells) {
+    member.arrive_and_wait();
+    lead_turning_cells(context, member, 0.5F * h_s);
+  }
   member.arrive();
   JointSolver& joints = context.input.joints;
   const JointSolver::Substep substep{context.static_params.h_s, settings_.gravity};
@@ -177,7 +180,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     // The side stages use the rows of all members, which their own batches of the warm start have written.
     if (s > 0 || has_side_stages) {
       member.wait();
-      if (s > 0 && context.input.has_turning_cells) lead_turning_cells(context, member, h_s);
+      if (s > 0 && context.input.has_turning_cells) {
+        lead_turning_cells(context, member, h_s);
+        member.arrive_and_wait();
+      }
       if (s > 0) integrate_velocities(context, false);
       member.arrive();
     }
@@ -306,7 +312,8 @@ void Solver::integrate_velocities(StepContext& context, bool first) {
 
 // The surface of a cell that turns has another velocity wherever a body is: that of the middle of each
 // substep is taken (the midpoint rule), as the body moves for another `time_s`. All of a body's points move
-// with its centre, because anchors keep the orientation that they had at the start of the step.
+// with its centre, because anchors keep the orientation that they had at the start of the step. Reads rows of
+// other members: nobody may write them meanwhile.
 void Solver::lead_turning_cells(StepContext& context, const Member& member, float time_s) {
   const auto turned = [&](int row, float spin) {
     const float(&v)[3] = velocity_[row].velocity;
@@ -409,9 +416,10 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
       continue;
     }
     const auto solve_points = [&] {
-      support_kernels().solve_points(batch.lanes, batch_points(), static_params, is_soft, velocity_.data(),
-                                     delta_pose_.data(), inverse_inertia_.data());
-      if (!batch.has_single_points) return;
+      if (batch.any_in_lanes)
+        support_kernels().solve_points(batch.lanes, batch_points(), static_params, is_soft, velocity_.data(),
+                                       delta_pose_.data(), inverse_inertia_.data());
+      if (!batch.any_single) return;
       for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
         if (batch.lanes.points[lane] == 0) solve_points_of(list, p);
       });
@@ -422,7 +430,7 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
     });
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
     if (!is_soft) solve_points();
-    if (!batch.has_single_points) continue;
+    if (!batch.any_single) continue;
     for_each([&](SupportPatches& list, SupportPatch& p, int) {
       if (!is_soft) share_loads(list, p, batch_points());
       if (p.is_elastic) end_spring_stage(list, p, is_soft, velocity_[p.row]);
@@ -497,25 +505,22 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
     SupportBatch batch;
     batch.lanes.first_point = o.first_point, batch.lanes.point_count = o.point_count;
     std::copy_n(o.a, kLanes, batch.lanes.row);
-    bool any = false;
     for (int lane = 0; lane < o.lane_count; ++lane) {
       const SupportReference at = support_of_row_[o.a[lane]];
       if (at.slab < 0) continue;
-      any = true;
       SupportPatches& list = context.input.supports[at.slab];
       SupportPatch& p = list.patches[at.patch];
       p.batch_point = o.first_point, p.lane = lane, p.has_impulse_limit = o.has_impulse_limit;
       batch.list[lane] = &list, batch.patch[lane] = &p;
       batch.contacts[lane] = context.input.static_contacts.contacts_of(
           context.input.static_contacts.manifolds[graph_.manifold(index, lane)]);
-      if (p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints)
-        batch.has_single_points = true;
-      else
-        for (const std::int32_t k : support::points_of(list, p))
-          batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
+      const bool is_single = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints;
+      (is_single ? batch.any_single : batch.any_in_lanes) = true;
+      if (is_single) continue;
+      for (const std::int32_t k : support::points_of(list, p))
+        batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
     }
-    if (batch.has_single_points && o.point_count > SupportLanes::kMostPoints) batch.lanes.point_count = 0;
-    if (any) context.supports.push_back(batch);
+    if (batch.any_single || batch.any_in_lanes) context.supports.push_back(batch);
   };
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; run.kind == kGeneralStatic && i < run.first + run.count; ++i) add(i);

@@ -86,9 +86,9 @@ class Solver {
   // The support patches of the bodies in one batch of static contacts.
   struct SupportBatch {
     SupportPatches* list[kLanes] = {};
-    SupportPatch* patch[kLanes] = {};     // null: the lane has none
-    std::span<Contact> contacts[kLanes];  // of the body with what is static
-    bool has_single_points = false;       // of a patch that `lanes` does not have
+    SupportPatch* patch[kLanes] = {};               // null: the lane has none
+    std::span<Contact> contacts[kLanes];            // of the body with what is static
+    bool any_in_lanes = false, any_single = false;  // whether `lanes` has any patch, and lacks any
     SupportLanes lanes;
   };
   // What the stages of a step share. Each member has its own.

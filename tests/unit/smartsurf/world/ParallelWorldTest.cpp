@@ -187,14 +187,18 @@ scene::SceneSpec sliders_and_bullets() {
   return s;
 }
 
-std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
+// Drives the first channels of some rows in each step.
+std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int channels, int threads) {
+  constexpr int kRowsApart = 20;
   common::ThreadPool pool(threads, 0.0);  // shares every step
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
   world::NativeEngine world(scene, cells.field(), &pool);
   scene::Snapshot snapshot;
   for (int step = 0; step < steps; ++step) {
-    for (int c = 0; c < scene.surface.columns; ++c)
-      cells.set_target(0, step % scene.surface.rows, c, 1.0F + std::sin(0.3F * static_cast<float>(c)));
+    for (int channel = 0; channel < channels; ++channel)
+      for (int row = step % kRowsApart; row < scene.surface.rows; row += kRowsApart)
+        for (int c = 0; c < scene.surface.columns; ++c)
+          cells.set_target(channel, row, c, 1.0F + std::sin(0.3F * static_cast<float>(c)));
     cells.plan(scene.world.dt_s);
     // A removed body loses its contacts; an added body has none to match.
     if (step % 4 == 3) world.remove(static_cast<scene::ObjectId>(37 * step));
@@ -209,7 +213,7 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
 struct World {
   const char* name;
   scene::SceneSpec (*scene)();
-  int steps;
+  int steps, channels = 1;
 };
 
 class Threads : public testing::TestWithParam<World> {};
@@ -227,10 +231,10 @@ TEST_P(Threads, SameStateHashForAnyThreadCount) {
   ASSERT_EQ(scene::validate(scene.surface), "");
   ASSERT_GE(scene.objects.size(),
             512U + 20U);  // smaller worlds stay on one thread, and some objects are removed
-  const int steps = GetParam().steps;
-  const std::uint64_t alone = hash_after(scene, steps, 1);
+  const auto& [name, make, steps, channels] = GetParam();
+  const std::uint64_t alone = hash_after(scene, steps, channels, 1);
   RecordProperty("state_hash", std::to_string(alone));
-  for (const int threads : kThreads) EXPECT_EQ(hash_after(scene, steps, threads), alone) << threads;
+  for (const int threads : kThreads) EXPECT_EQ(hash_after(scene, steps, channels, threads), alone) << threads;
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, Threads,
@@ -241,5 +245,6 @@ INSTANTIATE_TEST_SUITE_P(Of, Threads,
                                          World{"LoadedBoxes", loaded_boxes, 20},
                                          World{"StruckStacks", struck_stacks, 3},
                                          World{"Conveyors", conveyors, 8},
+                                         World{"TurningConveyors", conveyors, 16, 3},
                                          World{"SlidersAndBullets", sliders_and_bullets, 4}),
                          [](const auto& world) { return std::string(world.param.name); });
