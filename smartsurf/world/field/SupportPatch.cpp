@@ -218,14 +218,21 @@ bool share_polygon(const Footprint& f, float separation, const Point2* corner, i
   Point2 buffer[2][kMaxCorners + 4];
   const Point2* current = corner;
   int to = 0;
+  float beyond[kMaxCorners + 5];  // how far each corner is beyond the side; the first again at the end
   for (int side = 0; side < 4; ++side) {
     Point2* const next = buffer[to];
     const float half = side < 2 ? half_x : half_y, sign = side % 2 == 0 ? 1.0F : -1.0F;
-    auto beyond = [&](const Point2& p) { return sign * (side < 2 ? p.x : p.y) - half; };
+    bool is_clipped = false;
+    for (int i = 0; i < count; ++i) {
+      beyond[i] = sign * (side < 2 ? current[i].x : current[i].y) - half;
+      is_clipped |= beyond[i] > 0.0F;
+    }
+    if (!is_clipped) continue;
+    beyond[count] = beyond[0];
     int kept = 0;
     for (int i = 0; i < count; ++i) {
       const Point2 &p = current[i], &q = current[i + 1 < count ? i + 1 : 0];
-      const float a = beyond(p), b = beyond(q);
+      const float a = beyond[i], b = beyond[i + 1];
       if (a <= 0.0F) next[kept++] = p;
       if ((a < 0.0F && b > 0.0F) || (a > 0.0F && b < 0.0F)) {
         const float t = a / (a - b);
