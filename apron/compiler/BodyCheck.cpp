@@ -134,12 +134,12 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
     for (const std::string_view kind : kIntegers) lists.push_back(base(kind));
   }
   for (const std::string_view kind : kArguments) lists.push_back(base(kind));
-  for (std::size_t i = 0; i < count; ++i) {
+  for (std::size_t i = 0; i < count && lists.size() < kMaxLists; ++i) {
     for (const std::string_view most : {kRegister, kNumber})
       for (const std::string_view other : kArguments) (lists.emplace_back(base(most)))[i] = other;
   }
   for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t j = 0; j < count; ++j) {
+    for (std::size_t j = 0; j < count && lists.size() < kMaxLists; ++j) {
       if (i == j) continue;
       for (const auto& [most, one, another] :
            {std::array{kRegister, kText, kNumber}, {kNumber, kText, kText}, {kNumber, kOperator, kLabel}}) {

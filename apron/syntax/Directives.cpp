@@ -5,6 +5,8 @@
 #include <cmath>
 #include <filesystem>
 #include <iterator>
+#include <string>
+#include <unordered_set>
 #include <utility>
 
 #include "apron/syntax/Constant.h"
@@ -177,6 +179,10 @@ void Preprocessor::handle_for(const Tokens& tokens) {
     if (first.kind == TokenKind::kDirective)
       depth += first.text == "for" ? 1 : first.text == "endfor" ? -1 : 0;
     if (depth == 0) break;
+    if (depth > kMaxLoopDepth) {
+      report(first.location, "'!for' is nested deeper than {}", kMaxLoopDepth);
+      return abort_input();
+    }
     substitute(line.tokens, frame);
     lines->push_back(std::move(line));
   }
@@ -296,6 +302,11 @@ void Preprocessor::handle_macro_def(const Tokens& tokens) {
 }
 
 void Preprocessor::add_macro(Macro macro) {
+  if (macro.parameters.size() > kMaxParameters) {
+    report(macro.location, "the {} '{}' has {} parameters: {} at most",
+           macro.is_function ? "function" : "macro", macro.name, macro.parameters.size(), kMaxParameters);
+    return;
+  }
   const Macro copy = macro;
   const MacroTable::Handle previous = macros_.add(std::move(macro));
   if (previous != nullptr && !same_definition(*previous, copy)) {
@@ -329,15 +340,12 @@ bool Preprocessor::parse_macro_signature(const Tokens& tokens, Macro& macro) {
   if (index == tokens.size()) return true;
   if (!consume("(")) return false;
   if (consume(")")) return index == tokens.size();
+  std::unordered_set<std::string> names{macro.result_parameter};
   do {
     MacroParameter parameter;
     parameter.kind = parse_kind();
     if (!parse_parameter(parameter.name)) return false;
-    const bool is_duplicate = parameter.name == macro.result_parameter ||
-                              std::ranges::any_of(macro.parameters, [&](const MacroParameter& p) {
-                                return p.name == parameter.name;
-                              });
-    if (is_duplicate) return false;
+    if (!names.insert(parameter.name).second) return false;
     macro.parameters.push_back(std::move(parameter));
   } while (consume(","));
   return consume(")") && index == tokens.size();

@@ -2,6 +2,8 @@
 // parameters are the function's, and whose local names are all those that its lines write.
 #include <algorithm>
 #include <map>
+#include <string>
+#include <unordered_set>
 #include <utility>
 
 #include "apron/syntax/Preprocessor.h"
@@ -102,11 +104,12 @@ void Preprocessor::handle_function(const Tokens& tokens) {
 
 bool Preprocessor::parse_function_signature(const Tokens& tokens, Macro& function) {
   Tokens::const_iterator at = tokens.begin() + 1;
+  std::unordered_set<std::string> names;
   if (const auto equals = find_equals(tokens.begin(), tokens.end()); equals != tokens.end()) {
     std::vector<std::string> results;
     for (const Tokens& result : split_arguments(at, equals)) {
       if (result.size() != 1 || result.front().kind != TokenKind::kName) return false;
-      if (std::ranges::find(results, result.front().text) != results.end()) return false;
+      if (!names.insert(result.front().text).second) return false;
       results.push_back(result.front().text);
     }
     function.result_parameter = results.front();
@@ -121,12 +124,7 @@ bool Preprocessor::parse_function_signature(const Tokens& tokens, Macro& functio
   for (const Tokens& words : split_arguments(at + 1, tokens.end() - 1)) {
     MacroParameter parameter;
     if (!parse_function_parameter(words, parameter)) return false;
-    const bool is_taken =
-        parameter.name == function.result_parameter ||
-        std::ranges::find(function.further_results, parameter.name) != function.further_results.end() ||
-        std::ranges::find(function.parameters, parameter.name, &MacroParameter::name) !=
-            function.parameters.end();
-    if (is_taken) return false;
+    if (!names.insert(parameter.name).second) return false;
     function.parameters.push_back(std::move(parameter));
   }
   return true;

@@ -26,6 +26,8 @@ namespace apron::syntax {
 inline constexpr std::size_t kMaxIncludeDepth = 32;
 inline constexpr std::size_t kMaxIncludes = 1000;
 inline constexpr std::size_t kMaxMacroDepth = 64;
+inline constexpr int kMaxLoopDepth = 64;             // of `!for`
+inline constexpr std::size_t kMaxParameters = 1000;  // of a macro or function
 inline constexpr std::size_t kMaxExpansions = 100'000;
 inline constexpr std::size_t kMaxLines = 1'000'000;  // after expansion
 inline constexpr std::size_t kMaxLineTokens = 20'000;

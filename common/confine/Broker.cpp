@@ -1,6 +1,5 @@
 #include "common/confine/Broker.h"
 
-#include <fcntl.h>
 #include <pthread.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -58,6 +57,20 @@ ssize_t receive(int socket, void* bytes, std::size_t size) noexcept {
   throw std::runtime_error(std::string("the process cannot be confined: ") + std::strerror(error));
 }
 
+// Serves until the other process ends or asks to end, and returns whether it asked.
+bool serve(int socket, const std::vector<Broker::Service>& services) noexcept {
+  std::uint32_t asked = 0;
+  while (receive(socket, &asked, sizeof asked) == sizeof asked && asked != kEnd) {
+    Reply reply;
+    if (asked < services.size())
+      reply = run(services[asked]);
+    else
+      set_failure(reply, Reply::kFailure, "there is no such service");
+    if (::send(socket, &reply, sizeof reply, MSG_NOSIGNAL) < 0) break;
+  }
+  return asked == kEnd;
+}
+
 std::atomic<int> emergency_socket{-1};
 std::atomic<pid_t> emergency_owner{0};  // not its forked children
 
@@ -90,30 +103,10 @@ SignalsDeferred::SignalsDeferred() noexcept {
 
 SignalsDeferred::~SignalsDeferred() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
 
-std::pair<int, int> Broker::sockets() {
+Broker::Broker(std::vector<Service> services, AtEnd at_end) {
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) refuse(errno);
-  return {ends[0], ends[1]};
-}
-
-bool Broker::serve(int socket, const std::vector<Service>& services) noexcept {
-  std::uint32_t asked = 0;
-  while (receive(socket, &asked, sizeof asked) == sizeof asked && asked != kEnd) {
-    Reply reply;
-    if (asked < services.size())
-      reply = run(services[asked]);
-    else
-      set_failure(reply, Reply::kFailure, "there is no such service");
-    if (::send(socket, &reply, sizeof reply, MSG_NOSIGNAL) < 0) break;
-  }
-  ::close(socket);
-  return asked == kEnd;
-}
-
-Broker::Broker(int socket) : socket_(socket) { set_emergency_socket(socket_); }
-
-Broker::Broker(std::vector<Service> services, AtEnd at_end) {
-  const auto [here, there] = sockets();
+  const auto [here, there] = ends;
   socket_ = here;
   {
     const SignalsDeferred deferred;
@@ -121,11 +114,8 @@ Broker::Broker(std::vector<Service> services, AtEnd at_end) {
     if (process_ == 0) {
       ::close(here);
       ::unsetenv("SMARTSURF_PARENT");  // it is not the parent of what this process starts
-      // The other process waits for this end to close, which means that all is done.
-      const int kept = ::fcntl(there, F_DUPFD_CLOEXEC, 3);
       at_end(serve(there, services));
-      ::close(kept);
-      ::_exit(0);
+      ::_exit(0);  // the other process waits for the socket to close, which means that all is done
     }
   }
   const int failure = errno;

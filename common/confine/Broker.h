@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <functional>
 #include <mutex>
-#include <utility>
 #include <vector>
 
 namespace common {
@@ -37,19 +36,12 @@ class Broker {
   // terminal or supervisor. Throws std::runtime_error if there is no process. At most one Broker lives at a
   // time.
   Broker(std::vector<Service> services, AtEnd at_end);
-  // Asks the process at the other end of this socket, which calls serve(). Takes the socket.
-  explicit Broker(int socket);
   ~Broker();  // asks the broker to end, and waits
   Broker(const Broker&) = delete;
   Broker& operator=(const Broker&) = delete;
 
   // Waits for the answer; any thread may ask. Throws std::runtime_error if the broker has ended.
   int ask(std::size_t service);
-
-  // Two connected sockets. Throws std::runtime_error.
-  static std::pair<int, int> sockets();
-  // Serves until the other process ends or asks to end, and returns whether it asked. Closes the socket.
-  static bool serve(int socket, const std::vector<Service>& services) noexcept;
 
  private:
   std::mutex mutex_;

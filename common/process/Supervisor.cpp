@@ -2,6 +2,7 @@
 
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -9,14 +10,19 @@
 #include <cerrno>
 #include <charconv>
 #include <chrono>
+#include <cstdint>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
+
+#include "common/process/Arguments.h"
 
 namespace common {
 namespace {
@@ -24,57 +30,122 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr auto kGrace = 1500ms, kGraceWithoutParent = 300ms;  // ControllerProcess sends SIGKILL after 2 s
-constexpr auto kLongest = 5s;  // a process that waits for a broken disk cannot be killed
-constexpr timespec kPoll{0, 10'000'000};
+constexpr auto kGrace = 1500ms;  // ControllerProcess sends SIGKILL after 2 s
+constexpr auto kLongest = 5s;    // a process that waits for a broken disk cannot be killed
+constexpr timespec kPollOfEnd{0, 10'000'000}, kPoll{0, 100'000'000};
+// Counted, not timed: a machine that was suspended, or too busy for this process, has not looked meanwhile.
+constexpr int kPollsBetweenLooks = 10, kLooksWithoutWork = 10;
+constexpr long kMostWorkWithoutData_s = 60;
 constexpr int kCannotStart = 2;
 
-// The parent of a process, by /proc/PID/stat; 0: unknown. The name before it may hold any characters.
-pid_t parent_of(const std::filesystem::path& folder) {
+// A process or thread, by its file `stat`.
+struct Task {
+  pid_t number = 0, parent = 0;
+  char state = '\0';
+  std::uint64_t ticks = 0;  // of processor time
+};
+
+std::optional<Task> read_task(const std::filesystem::path& folder) {
+  Task task;
+  const std::string name = folder.filename().string();
+  const auto [end, failure] = std::from_chars(name.data(), name.data() + name.size(), task.number);
+  if (failure != std::errc() || end != name.data() + name.size()) return std::nullopt;
   std::ifstream file(folder / "stat");
   const std::string text((std::istreambuf_iterator<char>(file)), {});
-  const std::size_t end_of_name = text.rfind(')');  // then " S 123 …"
-  pid_t parent = 0;
-  if (end_of_name != std::string::npos && end_of_name + 4 < text.size())
-    std::from_chars(text.data() + end_of_name + 4, text.data() + text.size(), parent);
-  return parent;
+  std::istringstream fields(text.substr(std::min(text.rfind(')'), text.size() - 1) + 1));
+  constexpr int kFromParentToTicks = 9;
+  std::uint64_t user = 0, system = 0;
+  fields >> task.state >> task.parent;
+  std::string skipped;
+  for (int i = 0; i < kFromParentToTicks; ++i) fields >> skipped;
+  fields >> user >> system;
+  task.ticks = user + system;
+  return fields ? std::optional(task) : std::nullopt;
+}
+
+// The processes or threads of a folder of /proc; empty without /proc.
+std::vector<Task> tasks(const std::filesystem::path& folder) {
+  std::vector<Task> all;
+  std::error_code error;
+  auto entry = std::filesystem::directory_iterator(folder, error);
+  for (; entry != std::filesystem::directory_iterator(); entry.increment(error))
+    if (const auto task = read_task(entry->path())) all.push_back(*task);
+  return all;
 }
 
 // Children of this process alone: the numbers of others may have passed on to other processes when a signal
-// reaches them. What a child leaves when it ends becomes a child of this process. Empty without /proc.
+// reaches them. What a child leaves when it ends becomes a child of this process.
 std::vector<pid_t> children() {
   std::vector<pid_t> all;
-  std::error_code error;
-  auto entry = std::filesystem::directory_iterator("/proc", error);
-  for (; entry != std::filesystem::directory_iterator(); entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    pid_t process = 0;
-    const auto [end, failure] = std::from_chars(name.data(), name.data() + name.size(), process);
-    if (failure == std::errc() && end == name.data() + name.size() && parent_of(entry->path()) == getpid())
-      all.push_back(process);
-  }
+  for (const Task& task : tasks("/proc"))
+    if (task.parent == getpid()) all.push_back(task.number);
   return all;
+}
+
+// Bytes that a process has read and written; nullopt: the kernel does not tell.
+std::optional<std::uint64_t> data_of(pid_t process) {
+  std::ifstream file("/proc/" + std::to_string(process) + "/io");
+  std::string name;
+  std::uint64_t read = 0, written = 0;
+  file >> name >> read >> name >> written;
+  return file ? std::optional(read + written) : std::nullopt;
+}
+
+// What all processes below this one have done.
+struct Work {
+  std::uint64_t ticks = 0;  // of processor time
+  std::uint64_t data = 0;   // changes when data are read or written, and when a process starts or ends
+};
+
+// nullopt: unknown, or one of them is stopped, or waits for a disk.
+std::optional<Work> work_below() {
+  const std::vector<Task> all = tasks("/proc");
+  std::vector<pid_t> below{getpid()};
+  Work work;
+  for (std::size_t i = 0; i < below.size(); ++i)
+    for (const Task& process : all) {
+      if (process.parent != below[i]) continue;
+      below.push_back(process.number);
+      work.data +=
+          static_cast<std::uint64_t>(process.number) + data_of(process.number).value_or(process.ticks);
+      for (const Task& thread : tasks("/proc/" + std::to_string(process.number) + "/task")) {
+        if (std::string_view("DTt").find(thread.state) != std::string_view::npos) return std::nullopt;
+        work.ticks += thread.ticks;
+      }
+    }
+  return below.size() > 1 ? std::optional(work) : std::nullopt;
+}
+
+// Input waits, or has ended.
+bool has_input(int socket) {
+  char byte = 0;
+  return socket >= 0 && recv(socket, &byte, 1, MSG_PEEK | MSG_DONTWAIT) >= 0;
 }
 
 class Supervisor {
  public:
-  Supervisor(pid_t parent, pid_t command) : parent_(parent), command_(command) {}
+  Supervisor(const Supervision& task, pid_t command) : task_(task), command_(command) {}
 
   // Returns the exit status once no process is left.
   int run(const sigset_t& awaited) {
     for (;;) {
       const bool any_left = reap();
       if (!any_left) return status_.value_or(kCannotStart);
-      if (status_ || getppid() != parent_) is_stopped_ = true;
+      if (status_ || getppid() != task_.parent) is_stopped_ = true;
       if (is_stopped_) stop();
       if (stopped_at_ && Clock::now() - *stopped_at_ > kLongest) return status_.value_or(128 + SIGKILL);
       siginfo_t info;
-      const int signal = is_stopped_ ? sigtimedwait(&awaited, &info, &kPoll) : sigwaitinfo(&awaited, &info);
+      // A parent that has given up its rights since cannot send its signal.
+      const bool polls = is_stopped_ || task_.input >= 0;
+      const int signal = polls ? sigtimedwait(&awaited, &info, is_stopped_ ? &kPollOfEnd : &kPoll)
+                               : sigwaitinfo(&awaited, &info);
+      if (!is_stopped_ && signal < 0 && ++polls_ % kPollsBetweenLooks == 0) look_for_progress();
       if (signal != SIGTERM) continue;
       is_hurried_ = is_told_;
       is_told_ = is_stopped_ = true;
     }
   }
+  bool was_told() const { return is_told_; }
 
  private:
   // Returns whether a child is left.
@@ -85,15 +156,29 @@ class Supervisor {
       if (ended == 0) return true;
       if (ended < 0) return errno == EINTR;
       std::erase(told_, ended);
-      if (ended == command_) status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+      if (ended == command_ && !status_)
+        status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
     }
+  }
+
+  void look_for_progress() {
+    const std::optional<Work> work = has_input(task_.input) ? work_below() : std::nullopt;
+    if (!work || !at_data_ || work->data != at_data_->data) {
+      at_data_ = last_ = work;
+      looks_without_work_ = 0;
+      return;
+    }
+    looks_without_work_ = work->ticks == last_->ticks ? looks_without_work_ + 1 : 0;
+    last_ = work;
+    const auto most = static_cast<std::uint64_t>(kMostWorkWithoutData_s * sysconf(_SC_CLK_TCK));
+    if (looks_without_work_ >= kLooksWithoutWork || work->ticks > at_data_->ticks + most) status_ = kStalled;
   }
 
   // Sends each child a SIGTERM, and SIGKILL once the grace is over; what outlives the command gets no grace.
   void stop() {
     const auto now = Clock::now();
     if (!stopped_at_) stopped_at_ = now;
-    const auto grace = getppid() == parent_ ? kGrace : kGraceWithoutParent;
+    const auto grace = getppid() == task_.parent ? kGrace : task_.grace_without_parent;
     const bool is_over = status_.has_value() || is_hurried_ || now - *stopped_at_ >= grace;
     std::vector<pid_t> all = children();
     if (all.empty() && !status_) all.push_back(command_);
@@ -107,16 +192,17 @@ class Supervisor {
     }
   }
 
-  pid_t parent_, command_;
+  const Supervision& task_;
+  pid_t command_;
   std::optional<int> status_;                                       // of the command
   bool is_stopped_ = false, is_told_ = false, is_hurried_ = false;  // told: by SIGTERM; hurried: by another
   std::optional<Clock::time_point> stopped_at_;
   std::vector<pid_t> told_;
+  int polls_ = 0, looks_without_work_ = 0;
+  std::optional<Work> last_, at_data_;  // at the last look, and when data were last read or written
 };
 
-}  // namespace
-
-void supervise(pid_t parent, const std::function<void(pid_t)>& become_command) noexcept {
+[[noreturn]] void supervise_once(const Supervision& task) {
   sigset_t deferred, awaited;
   sigemptyset(&awaited);
   for (const int signal : {SIGCHLD, SIGTERM}) sigaddset(&awaited, signal);
@@ -126,20 +212,55 @@ void supervise(pid_t parent, const std::function<void(pid_t)>& become_command) n
   signal(SIGCHLD, SIG_DFL);
   prctl(PR_SET_CHILD_SUBREAPER, 1);
   prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (getppid() != parent) _exit(kCannotStart);  // it ended before
+  if (getppid() != task.parent) _exit(kCannotStart);  // it ended before
   const pid_t supervisor = getpid(), command = fork();
   if (command == 0) {
     sigset_t ours;
     sigemptyset(&ours);
     for (const int signal : {SIGCHLD, SIGQUIT}) sigaddset(&ours, signal);
     sigprocmask(SIG_UNBLOCK, &ours, nullptr);
-    become_command(supervisor);
+    task.become_command(supervisor);
     _exit(kCannotStart);
   }
   if (command < 0) _exit(kCannotStart);
   // Files and locks of the parent end with it.
-  close_range(STDERR_FILENO + 1, ~0U, 0);
-  _exit(Supervisor(parent, command).run(awaited));
+  if (task.input > STDERR_FILENO + 1)
+    close_range(STDERR_FILENO + 1, static_cast<unsigned>(task.input) - 1, 0);
+  close_range(static_cast<unsigned>(std::max(task.input, STDERR_FILENO)) + 1, ~0U, 0);
+  Supervisor supervision(task, command);
+  const int status = supervision.run(awaited);
+  // The parent's signal comes when its main thread has ended, maybe before the others have.
+  if (task.at_end_without_parent && (supervision.was_told() || getppid() != task.parent))
+    task.at_end_without_parent();
+  _exit(status);
+}
+
+}  // namespace
+
+void execute(const std::vector<std::string>& command, pid_t parent, int signal) noexcept {
+  // The handler of the process that was forked, which stands until the program does, would swallow it.
+  ::signal(SIGTERM, SIG_DFL);
+  prctl(PR_SET_PDEATHSIG, signal);
+  if (getppid() != parent) _exit(kCannotStart);  // it ended before
+  for (const int ignored : {SIGPIPE, SIGXFSZ}) ::signal(ignored, SIG_DFL);
+  sigset_t deferred;
+  sigemptyset(&deferred);
+  for (const int one : {SIGINT, SIGTERM, SIGHUP, SIGXCPU}) sigaddset(&deferred, one);
+  sigprocmask(SIG_UNBLOCK, &deferred, nullptr);
+  const std::vector<char*> arguments = argument_pointers(command);
+  execvp(arguments[0], arguments.data());
+}
+
+// Two of them: if one is killed, the other ends the rest.
+void supervise(const Supervision& task) noexcept {
+  Supervision first = task;
+  first.input = -1;
+  first.become_command = [&task](pid_t supervisor) {
+    Supervision second = task;
+    second.parent = supervisor;
+    supervise_once(second);
+  };
+  supervise_once(first);
 }
 
 }  // namespace common

@@ -1,7 +1,6 @@
 #include "common/video/VideoEncoder.h"
 
 #include <fcntl.h>
-#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -9,6 +8,7 @@
 #include <array>
 #include <cassert>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -17,12 +17,13 @@
 
 #include "common/error/UserError.h"
 #include "common/files/PreparedOutputs.h"
-#include "common/process/Arguments.h"
+#include "common/process/Supervisor.h"
 
 namespace common {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace std::chrono_literals;
 
 bool on_path(const std::string& program) {
   const char* path = std::getenv("PATH");
@@ -45,6 +46,11 @@ std::vector<std::string> ffmpeg_command(const fs::path& file, int width, int hei
   return words;
 }
 
+std::string failure(int wait_status, const char* other) {
+  const bool stalled = WIFEXITED(wait_status) && WEXITSTATUS(wait_status) == kStalled;
+  return stalled ? "ffmpeg made no progress, and was ended" : other;
+}
+
 }  // namespace
 
 fs::path VideoEncoder::part_of(const fs::path& file) { return file.string() + ".part.mp4"; }
@@ -62,24 +68,29 @@ VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int fram
 }
 
 void VideoEncoder::start(int frames_per_second) {
-  const std::vector<std::string> words = ffmpeg_command(part_, width_, height_, frames_per_second);
-  const std::vector<char*> arguments = argument_pointers(words);
+  const std::vector<std::string> command = ffmpeg_command(part_, width_, height_, frames_per_second);
   // A socket rather than a pipe: send() can suppress SIGPIPE for this descriptor alone.
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
     throw UserError(file_.string() + ": cannot start ffmpeg: " + std::strerror(errno));
   const pid_t parent = ::getpid();
   child_ = ::fork();
-  if (child_ == 0) {
-    ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // or it would write the file that its parent has just removed
-    if (::getppid() != parent) ::_exit(1);
-    ::dup2(ends[0], STDIN_FILENO);
-    std::signal(SIGXFSZ, SIG_DFL);
-    // A process group without the terminal's Ctrl-C, which ffmpeg would catch: it ends with its input.
-    ::setpgid(0, 0);
-    ::execvp(arguments[0], arguments.data());
-    ::_exit(127);
-  }
+  if (child_ == 0)
+    supervise({.parent = parent,
+               .become_command =
+                   [&](pid_t supervisor) {
+                     ::dup2(ends[0], STDIN_FILENO);
+                     // A process group without the terminal's Ctrl-C, which ffmpeg would catch: it ends with
+                     // its input.
+                     ::setpgid(0, 0);
+                     // Its threads, which ffmpeg does not need, wait for ever for memory that is not there.
+                     ::setenv("OPENBLAS_NUM_THREADS", "1", 1);
+                     execute(command, supervisor, SIGKILL);
+                     ::_exit(127);
+                   },
+               .input = ends[0],
+               .grace_without_parent = 0ms,
+               .at_end_without_parent = [this] { ::unlink(part_.c_str()); }});
   const int fork_error = errno;
   ::close(ends[0]);
   socket_ = ends[1];
@@ -103,23 +114,24 @@ int VideoEncoder::close_and_wait() {
   return status;
 }
 
-void VideoEncoder::abandon() {
-  if (child_ < 0) return;
-  close_and_wait();
+int VideoEncoder::abandon() {
+  if (child_ < 0) return -1;
+  const int status = close_and_wait();
   discard_part(part_);
+  return status;
 }
 
 VideoEncoder::~VideoEncoder() { abandon(); }
 
 void VideoEncoder::add(const Image& image) {
   assert(image.width == width_ && image.height == height_);
+  if (child_ < 0) return;  // it has failed before
   const std::uint8_t* bytes = image.rgb.data();
   for (std::size_t left = image.rgb.size(); left > 0;) {
     const ssize_t n = ::send(socket_, bytes, left, MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) {
-      abandon();
-      throw UserError(file_.string() + ": ffmpeg stopped taking pictures");
+      throw UserError(file_.string() + ": " + failure(abandon(), "ffmpeg stopped taking pictures"));
     }
     bytes += n;
     left -= static_cast<std::size_t>(n);
@@ -127,12 +139,13 @@ void VideoEncoder::add(const Image& image) {
 }
 
 void VideoEncoder::finish() {
-  if (child_ < 0) return;  // add() has failed
+  if (child_ < 0) return;
   std::error_code error;
-  const bool encoded = close_and_wait() == 0;
+  const int status = close_and_wait();
+  const bool encoded = status == 0;
   if (encoded) error = rename_part(part_, file_);
   if (encoded && !error) return;
-  const std::string reason = encoded ? error.message() : "ffmpeg failed";
+  const std::string reason = encoded ? error.message() : failure(status, "ffmpeg failed");
   discard_part(part_);
   throw UserError(file_.string() + ": " + reason);
 }

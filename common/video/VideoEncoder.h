@@ -22,14 +22,14 @@ class VideoEncoder {
 
   static std::filesystem::path part_of(const std::filesystem::path& file);
 
-  // Both throw UserError when ffmpeg fails. A failure of add() discards the video; finish() then does
-  // nothing.
+  // Both throw UserError when ffmpeg fails, or makes no progress (Supervisor.h). A failure of add() discards
+  // the video; further calls then do nothing.
   void add(const Image& image);
   void finish();
 
  private:
   void start(int frames_per_second);
-  void abandon();
+  int abandon();  // returns as close_and_wait() does
   int close_and_wait();
 
   std::filesystem::path file_, part_;

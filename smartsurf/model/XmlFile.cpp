@@ -9,7 +9,7 @@
 namespace smartsurf::model {
 namespace {
 
-constexpr std::size_t kMaxTextLength = 100, kMaxElements = 100'000;
+constexpr std::size_t kMaxTextLength = 100, kMaxElements = 100'000, kMaxAttributes = 1000;
 
 std::string single_line(std::string_view text) {
   std::string line(text.substr(0, kMaxTextLength));
@@ -23,6 +23,30 @@ std::size_t count_elements(const tinyxml2::XMLElement* element) {
   for (const auto* child = element->FirstChildElement(); child; child = child->NextSiblingElement())
     count += count_elements(child);  // tinyxml2 bounds the depth
   return count;
+}
+
+// The line of the first element with too many attributes, of which the library compares each with all before
+// it; 0: there is none.
+std::size_t line_of_many_attributes(std::string_view text) {
+  const auto after = [&](std::size_t at, std::string_view end) {
+    const std::size_t found = text.find(end, at);
+    return found == std::string_view::npos ? text.size() : found + end.size();
+  };
+  for (std::size_t begin = text.find('<'), at = begin; begin < text.size(); begin = at = text.find('<', at)) {
+    if (text.substr(begin).starts_with("<!--")) {
+      at = after(begin + 4, "-->");
+    } else if (text.substr(begin).starts_with("<![CDATA[")) {
+      at = after(begin, "]]>");
+    } else {
+      for (std::size_t count = 0; (at = text.find_first_of("\"'>", at)) < text.size() && text[at] != '>';
+           ++count) {
+        if (count == kMaxAttributes)
+          return 1 + static_cast<std::size_t>(std::ranges::count(text.substr(0, begin), '\n'));
+        at = after(at + 1, text.substr(at, 1));
+      }
+    }
+  }
+  return 0;
 }
 
 }  // namespace
@@ -97,6 +121,8 @@ double Element::uniform_scale() const {
 }
 
 XmlFile::XmlFile(const std::string& text, std::string file, const char* root_tag) : file_(std::move(file)) {
+  if (const std::size_t line = line_of_many_attributes(text); line > 0)
+    throw scene::InputError(file_ + ":" + std::to_string(line) + ": has more than 1000 attributes");
   if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
     const bool is_deep = document_.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED;
     throw scene::InputError(

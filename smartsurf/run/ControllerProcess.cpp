@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -18,7 +17,6 @@
 #include <vector>
 
 #include "common/files/Installation.h"
-#include "common/process/Arguments.h"
 #include "common/process/Supervisor.h"
 #include "common/text/Printable.h"
 #include "smartsurf/run/PythonModule.h"
@@ -77,27 +75,16 @@ std::vector<std::string> make_command(const std::string& controller, const std::
 
 // Becomes the command. An exception would unwind the simulator's stack in its child, and remove its files
 // there.
-[[noreturn]] void exec_command(const std::vector<char*>& arguments, const std::string& shm_name,
+[[noreturn]] void exec_command(const std::vector<std::string>& command, const std::string& shm_name,
                                pid_t parent) noexcept {
   // Set in the child only, because several worlds share the parent's environment.
   setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
-  // Ends the controller even if the simulator is killed by SIGKILL; the simulator's handler, which stands
-  // until the command does, would swallow it.
-  signal(SIGTERM, SIG_DFL);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (getppid() != parent) _exit(1);  // it was killed before
-  for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);
-  sigset_t deferred;  // where another process starts controllers, in that
-  sigemptyset(&deferred);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGXCPU}) sigaddset(&deferred, signal);
-  sigprocmask(SIG_UNBLOCK, &deferred, nullptr);
-  execvp(arguments[0], arguments.data());
+  common::execute(command, parent, SIGTERM);
   if (errno == ENOENT)
-    common::print_message(fmt::format(
-        "smartsurf: cannot start {}: it is neither beside smartsurf nor on PATH\n", arguments[0]));
-  else
     common::print_message(
-        fmt::format("smartsurf: cannot start {}: {}\n", arguments[0], std::strerror(errno)));
+        fmt::format("smartsurf: cannot start {}: it is neither beside smartsurf nor on PATH\n", command[0]));
+  else
+    common::print_message(fmt::format("smartsurf: cannot start {}: {}\n", command[0], std::strerror(errno)));
   _exit(2);
 }
 
@@ -117,14 +104,15 @@ ControllerProcess::ControllerProcess(const std::string& controller, const std::s
                                      const std::string& show_registers) {
   const std::vector<std::string> command =
       make_command(controller, shm_name, with_window, overrides, show_registers);
-  std::vector<char*> arguments = common::argument_pointers(command);
   const pid_t parent = getpid();
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
   if (pid_ != 0) return;
-  if (is_apron_program(controller) || is_onnx_model(controller)) exec_command(arguments, shm_name, parent);
+  if (is_apron_program(controller) || is_onnx_model(controller)) exec_command(command, shm_name, parent);
   // A shell and what it starts may outlive the signals that end it.
-  common::supervise(parent, [&](pid_t supervisor) { exec_command(arguments, shm_name, supervisor); });
+  common::supervise({.parent = parent, .become_command = [&](pid_t supervisor) {
+                       exec_command(command, shm_name, supervisor);
+                     }});
 }
 
 ControllerProcess::ControllerProcess(Remote remote) : remote_(std::move(remote)) { remote_->start(); }

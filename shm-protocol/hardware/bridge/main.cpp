@@ -257,6 +257,7 @@ class RecorderProcess {
     sigemptyset(&term);
     sigaddset(&term, SIGTERM);
     sigprocmask(SIG_BLOCK, &term, &before);
+    const std::string parent = std::to_string(::getpid());
     pid_ = ::fork();
     const int error = errno;
     if (pid_ == 0) ::signal(SIGTERM, SIG_DFL);
@@ -264,6 +265,7 @@ class RecorderProcess {
     if (pid_ < 0)
       throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(error));
     if (pid_ != 0) return;
+    ::setenv("SMARTSURF_PARENT", parent.c_str(), 1);  // it may still wait for a surface that never was
     ::dup2(STDERR_FILENO, STDOUT_FILENO);
     std::error_code none;
     const auto beside = std::filesystem::read_symlink("/proc/self/exe", none).parent_path() / "smartsurf";

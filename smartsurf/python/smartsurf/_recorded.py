@@ -1,10 +1,12 @@
 """Commands and readings of a recording, as identification needs them."""
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import pathlib
 import resource
+import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -17,6 +19,7 @@ Array = NDArray[Any]
 Read = TypeVar("Read")
 LEAST_FRAMES = 20
 MOST_MEMORY, MEMORY_OF_BYTE = 2 << 30, 16  # in bytes: to read a file, and to read each of its bytes
+PR_SET_PDEATHSIG = 1  # of Linux
 SETTLES_S = 0.5  # after a command whose time is not known,
 CROSSES_S = 1.0  # and for how long a cell may move, if the command changed by more than
 SMALL = 0.1      # of the span of its commands
@@ -126,8 +129,12 @@ def read_apart(path: str | os.PathLike[str], read_file: Callable[[str, h5py.File
     if not pathlib.Path(path).is_file():
         raise RecordingError(f"{name}: no such file")
     receiver, sender = multiprocessing.Pipe(duplex=False)
+    prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
     child = os.fork()
     if child == 0:
+        prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
         try:
             sender.send(_outcome(name, read_file))
         finally:

@@ -7,14 +7,19 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <optional>
 #include <stdexcept>
+#include <string>
+#include <thread>
 #include <vector>
 
 #include "common/confine/OutputServices.h"
 #include "common/process/ChildWork.h"
+#include "common/process/ParentWatch.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/run/cli/CommandLine.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -26,7 +31,7 @@ std::atomic<pid_t> worker{0};
 
 extern "C" void pass_on(int signal) {
   const int failure = errno;
-  ::kill(worker.load(), signal);
+  if (const pid_t process = worker.load(); process > 0) ::kill(process, signal);
   errno = failure;
 }
 
@@ -53,9 +58,12 @@ class PassingOn {
   std::array<struct sigaction, kSignals.size()> before_{};
 };
 
-int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, int socket) {
-  common::Broker broker(socket);
-  common::use_outputs_of(broker, outputs);
+int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, pid_t parent) {
+  std::optional<common::Broker> broker;
+  if (!outputs.empty()) {
+    broker.emplace(common::output_services(outputs), [&](bool) { common::remove_unnamed(outputs); });
+    common::use_outputs_of(*broker, outputs);
+  }
   if (job.prepare) job.prepare();
   if (job.confinement) {
     common::Confinement confinement = *job.confinement;
@@ -66,10 +74,22 @@ int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& ou
     common::add_outputs(confinement, outputs);
     common::confine(confinement);
   }
+  // A command that catches signals ends with the parent, whether or not it hears the first one.
+  ::setenv("SMARTSURF_PARENT", std::to_string(parent).c_str(), 1);
   if (job.only_reads) common::limit_address_space(record::memory_to_read(job.recording));
   const int status = job.command();
   common::use_prepared_outputs({}, {});
   return status;
+}
+
+// Waits until what a worker that was killed has left has ended, too: it removes files.
+void await_remains() {
+  constexpr int kLongest_ms = 1000;
+  for (int i = 0; i < kLongest_ms; ++i) {
+    const pid_t ended = ::waitpid(-1, nullptr, WNOHANG);
+    if (ended < 0 && errno != EINTR) return;
+    if (ended == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
 }
 
 // Removes the parts that got no name.
@@ -92,25 +112,25 @@ int read_in_worker(const ReadJob& job) {
   const std::vector<common::PreparedOutput> outputs =
       job.prepare_outputs ? job.prepare_outputs() : std::vector<common::PreparedOutput>();
   const Parts parts(outputs);
-  const auto [here, there] = common::Broker::sockets();
+  ::prctl(PR_SET_CHILD_SUBREAPER, 1);
   const pid_t parent = ::getpid(), child = ::fork();
   if (child < 0)
     throw std::runtime_error(job.recording +
                              ": is read by a process of its own, and there is none: " + std::strerror(errno));
   if (child == 0) {
-    ::close(here);
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (::getppid() != parent) ::_exit(1);
     deferred.reset();
-    ::_exit(run_and_report([&, socket = there] { return run_worker(job, outputs, socket); }));
+    ::_exit(run_and_report([&] { return run_worker(job, outputs, parent); }));
   }
-  ::close(there);
   const PassingOn passing_on(child);
   deferred.reset();
-  common::Broker::serve(here, common::output_services(outputs));
+  common::watch_parent();
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
+  worker.store(0);
+  if (WIFSIGNALED(status) || WEXITSTATUS(status) > 128) await_remains();
   if (WIFEXITED(status)) return WEXITSTATUS(status);
   const int signal = WTERMSIG(status);
   for (const int crash : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGSYS})

@@ -25,8 +25,8 @@ struct ReadJob {
 };
 
 // Runs the command in a child, which ends with this process, and returns its exit status. Stop signals are
-// passed on. This process names the outputs. Throws scene::InputError if the child crashes, and
-// std::runtime_error if there can be no child. Call it on the main thread.
+// passed on. Throws scene::InputError if the child crashes, and std::runtime_error if there can be no child.
+// Call it on the main thread.
 int read_in_worker(const ReadJob&);
 
 }  // namespace smartsurf::run

@@ -1,7 +1,6 @@
 #include "smartsurf/run/cli/StartCommand.h"
 
 #include <poll.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -10,8 +9,10 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <sstream>
+#include <string>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -87,10 +88,10 @@ std::string run_and_wait(const std::vector<std::string>& command, const std::ato
   std::array<int, 2> errors{};
   if (pipe(errors.data()) != 0)
     throw std::system_error(errno, std::generic_category(), "cannot start the run");
-  const pid_t child = fork();
+  const pid_t parent = getpid(), child = fork();
   if (child < 0) throw std::system_error(errno, std::generic_category(), "cannot start the run");
   if (child == 0) {
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    setenv("SMARTSURF_PARENT", std::to_string(parent).c_str(), 1);
     dup2(errors[1], STDERR_FILENO);
     close(errors[0]);
     close(errors[1]);

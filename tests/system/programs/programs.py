@@ -89,7 +89,7 @@ class ProgramTest(unittest.TestCase):
         deadline = time.monotonic() + PATIENCE
         while not condition():
             if time.monotonic() > deadline:
-                self.fail(f"timed out waiting for: {what}")
+                self.fail(f"timed out waiting for: {what() if callable(what) else what}")
             time.sleep(0.01)
 
     def segment(self, name=None):

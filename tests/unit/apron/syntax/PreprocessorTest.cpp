@@ -141,6 +141,15 @@ TEST(Preprocessor, IncludeDepthIsLimited) {
             "src/f30:1:1: error: files include each other more than 32 deep\n");
 }
 
+TEST(Preprocessor, LoopsAndParametersAreLimited) {
+  std::string loops, names;
+  for (int i = 0; i < 5000; ++i) loops += "!for(i, 0, 0)\n";
+  EXPECT_EQ(errors(loops), "src/main.aps:65:1: error: '!for' is nested deeper than 64\n");
+  for (int i = 0; i <= 1000; ++i) names += (i > 0 ? ", $p" : "$p") + std::to_string(i);
+  EXPECT_EQ(errors("!macro_def\nm(" + names + ")\n!macro_begin\n!macro_end\n"),
+            "src/main.aps:2:1: error: the macro 'm' has 1001 parameters: 1000 at most\n");
+}
+
 TEST(Preprocessor, Declarations) {
   EXPECT_EQ(lines("!register(A, B)\nx"), "make A  16x9\nmake B  16x9\nx\n");
   EXPECT_EQ(lines("!create('A', REGISTER)\n!create('B', REGISTER, 4 * 2, SURFACE_HEIGHT)"),
