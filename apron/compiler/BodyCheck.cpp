@@ -66,27 +66,44 @@ class AppendingReader final : public syntax::FileReader {
 
 // The kind of operand that a parameter is: the one that its macro states, or a macro to which the body passes
 // it.
-std::string operand_kind(const Macro& macro, std::size_t parameter, const syntax::MacroTable& macros,
-                         int depth = 0) {
-  constexpr int kMaxDepth = 8;
-  const syntax::MacroParameter& own = macro.parameters[parameter];
-  if (!own.kind.empty() || depth == kMaxDepth) return own.kind;
-  for (const syntax::Line& line : macro.body) {
-    const syntax::Tokens& tokens = line.tokens;
-    const auto open = std::ranges::find_if(tokens, [](const syntax::Token& token) { return token.is("("); });
-    if (open == tokens.begin() || open == tokens.end() || !tokens.back().is(")")) continue;
-    const std::vector<syntax::Tokens> arguments = syntax::split_arguments(open + 1, tokens.end() - 1);
-    const auto callee = macros.find(open[-1].text, arguments.size(), open - tokens.begin() > 1);
-    for (std::size_t i = 0; callee != nullptr && i < arguments.size(); ++i) {
-      const bool passes = arguments[i].size() == 1 &&
-                          arguments[i].front().kind == syntax::TokenKind::kParameter &&
-                          arguments[i].front().text == own.name;
-      const std::string kind = passes ? operand_kind(*callee, i, macros, depth + 1) : "";
-      if (!kind.empty()) return kind;
-    }
+class OperandKinds {
+ public:
+  explicit OperandKinds(const syntax::MacroTable& macros) : macros_(macros) {}
+
+  // Empty: unknown. Found once for each macro, parameter and depth: bodies that call each other repeatedly
+  // have any number of paths.
+  std::string of(const Macro& macro, std::size_t parameter, int depth = 0) {
+    constexpr int kMaxDepth = 8;
+    const std::string& stated = macro.parameters[parameter].kind;
+    if (!stated.empty() || depth == kMaxDepth) return stated;
+    const std::tuple key(&macro, parameter, depth);
+    if (const auto known = known_.find(key); known != known_.end()) return known->second;
+    return known_[key] = kind_in_body(macro, parameter, depth);
   }
-  return {};
-}
+
+ private:
+  std::string kind_in_body(const Macro& macro, std::size_t parameter, int depth) {
+    for (const syntax::Line& line : macro.body) {
+      const syntax::Tokens& tokens = line.tokens;
+      const auto open =
+          std::ranges::find_if(tokens, [](const syntax::Token& token) { return token.is("("); });
+      if (open == tokens.begin() || open == tokens.end() || !tokens.back().is(")")) continue;
+      const std::vector<syntax::Tokens> arguments = syntax::split_arguments(open + 1, tokens.end() - 1);
+      const auto callee = macros_.find(open[-1].text, arguments.size(), open - tokens.begin() > 1);
+      for (std::size_t i = 0; callee != nullptr && i < arguments.size(); ++i) {
+        const bool passes = arguments[i].size() == 1 &&
+                            arguments[i].front().kind == syntax::TokenKind::kParameter &&
+                            arguments[i].front().text == macro.parameters[parameter].name;
+        const std::string kind = passes ? of(*callee, i, depth + 1) : "";
+        if (!kind.empty()) return kind;
+      }
+    }
+    return {};
+  }
+
+  const syntax::MacroTable& macros_;
+  std::map<std::tuple<const Macro*, std::size_t, int>, std::string> known_;
+};
 
 std::string_view argument_of_type(const syntax::MacroParameter& parameter) {
   using syntax::ArgumentType;
@@ -113,7 +130,7 @@ struct Calls {
   std::size_t uniform = 0;  // the first ones
 };
 
-Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
+Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor, OperandKinds& kinds) {
   constexpr std::size_t kMaxLists = 200;
   std::vector<std::vector<std::string_view>> lists;
   const std::size_t count = macro.parameters.size();
@@ -124,7 +141,7 @@ Calls calls_of(const Macro& macro, const syntax::Preprocessor& preprocessor) {
       stated.emplace_back(typed);
       continue;
     }
-    stated.push_back(preprocessor.operand_of_kind(operand_kind(macro, i, preprocessor.macros()), i));
+    stated.push_back(preprocessor.operand_of_kind(kinds.of(macro, i), i));
   }
   const bool has_free =
       std::ranges::any_of(stated, [](const std::string& operand) { return operand.empty(); });
@@ -306,11 +323,14 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
   std::map<ErrorKey, syntax::Diagnostic> found;  // in the order of their locations
   std::vector<Trial> trials;
   Round program(options, reader, "");
-  for (const syntax::MacroTable::Handle& macro : program.preprocessor().macros().all()) {
+  OperandKinds kinds(program.preprocessor().macros());
+  for (const syntax::MacroTable::Handle& macro : program.preprocessor().macros().all())
     if (!is_installed(macro->location, program.sources()) && !joins_arguments(*macro))
-      trials.push_back(
-          {macro->name, macro->location, has_define(*macro), calls_of(*macro, program.preprocessor()), {}});
-  }
+      trials.push_back({macro->name,
+                        macro->location,
+                        has_define(*macro),
+                        calls_of(*macro, program.preprocessor(), kinds),
+                        {}});
   // What a body defines holds for the calls after it.
   std::ranges::stable_partition(trials, [](const Trial& trial) { return !trial.defines; });
   // Most macros need one call. The many calls of the others share compilations, each of the whole program.

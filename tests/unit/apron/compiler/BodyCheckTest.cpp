@@ -57,6 +57,19 @@ TEST(BodyCheck, FindsErrorsThatEveryCallHas) {
             "main.aps:18:10: error: operand 2 of 'move' must be an analogue register, not '3'\n");
 }
 
+// Each passes its parameter to the next one forty times: 40⁸ paths, none of which tells its kind.
+TEST(BodyCheck, FollowsParametersOncePerMacro) {
+  std::string text = kHead, next = "last";
+  text += macro("last($x)", "");
+  for (const char* name : {"h", "g", "f", "e", "d", "c", "b", "a"}) {
+    std::string body;
+    for (int i = 0; i < 40; ++i) body += next + "($x)\n";
+    text += macro(std::string(name) + "($x)", body);
+    next = name;
+  }
+  checked(text);
+}
+
 TEST(BodyCheck, LeavesNamesThatAreMadeOfArgumentsToRealCalls) {
   EXPECT_EQ(checked(macro("keep($a)", "$a ## _old = $a")), "");
   EXPECT_EQ(checked(macro("$y = sum_of($stem)", "$y = $stem ## 0 + $stem ## 1")), "");
