@@ -46,7 +46,10 @@ def core_camera(given: Any, labels: Sequence[str]) -> tuple[str, int]:
         follow = ids[0]
     if isinstance(camera.view, str):
         return camera.view, follow
-    points = np.asarray(camera.view)
+    try:
+        points = np.asarray(camera.view)
+    except ValueError:  # rows of different lengths
+        points = np.empty(0)
     if points.shape != (2, 3) or points.dtype.kind not in "iuf" or not np.isfinite(points).all():
         raise ValueError(f"camera = {camera.view!r}: must be 'iso', 'top', 'side' or (position, target), two points")
     return ":".join(",".join(repr(float(value)) for value in point) for point in points), follow

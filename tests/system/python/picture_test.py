@@ -93,7 +93,7 @@ class Pictures(ExperimentTest):
     def test_mistakes_are_named(self):
         s = smartsurf.Simulation(self.script(SCENE))
         for camera, message in (("front", "camera = 'front': must be 'iso', 'top', 'side'"),
-                                (((0, 0), (0, 0)), "two points"), (((0, 0, 0), (0, 0, 9)), "a position above a target"),
+                                (((0, 0), (0, 0)), "two points"), (((0, 0, 9), (0, 0)), "two points"), (((0, 0, 0), (0, 0, 9)), "a position above a target"),
                                 (smartsurf.Camera(follow="cup"), "no object is called 'cup'"),
                                 (smartsurf.Camera(follow=7), "must be 0 to 1")):
             with self.assertRaisesRegex(ValueError, message) as raised:
