@@ -1,4 +1,5 @@
-"""The test plan of docs/tasks.md and docs/case-study.md, frozen.toml, and the mark under each table that says what made it.
+"""The test plan of docs/tasks.md, docs/case-study.md and docs/learning.md, frozen.toml, and the mark under the tables of the
+first two that says what made them.
 
     python3 scripts/tasks/plan.py            prints the digests of all scenes, for frozen.toml
 """

@@ -1,8 +1,14 @@
 """scripts/learn: the searches run, and the learned programs are local and succeed on unseen seeds."""
+import contextlib
 import csv
+import importlib.machinery
+import importlib.util
+import io
+import re
 import shutil
 import sys
 from types import SimpleNamespace
+from unittest import mock
 
 from programs import *
 
@@ -39,6 +45,31 @@ class Learn(ProgramTest):
                 self.assertEqual(status, 0, out + err)
             won = sum(metrics["success"] for metrics in task.evaluate(program, range(30001, 30013), SMARTSURF))
             self.assertGreaterEqual(won, least, name)
+
+    def test_table_shows_all_training_seeds_of_the_plan(self):
+        """Each row has the successes of all seeds and the rate of their median; their programs are there, and without the
+        trainings the table is made of them, with the page's row of a controller that is no program."""
+        loader = importlib.machinery.SourceFileLoader("table", str(LEARN / "table"))
+        table = importlib.util.module_from_spec(importlib.util.spec_from_loader("table", loader))
+        loader.exec_module(table)
+        page = table.on_page()
+        for name, task in TASKS.items():
+            for method, seeds in table.methods(name).items():
+                rate, each = page[task.title, method.upper()][2:4]
+                won = list(map(int, each.split(", ")))
+                self.assertEqual(len(won), len(seeds), (name, method))
+                self.assertEqual(int(re.match(r"(\d+) of 100 ", rate)[1]), sorted(won)[len(won) // 2], (name, method))
+                programs = [seed for seed in seeds if table.kept(name, method, seed).exists()]
+                self.assertIn(programs, [seeds, []] if method == "ppo" else [seeds], (name, method))
+        output, arguments = io.StringIO(), ["table", "--no-page", "--task", "ball", "-o", "nothing", "--smartsurf", SMARTSURF]
+        with mock.patch.object(table, "UNSEEN", range(10001, 10005)), mock.patch.object(sys, "argv", arguments), \
+                contextlib.redirect_stdout(output):
+            table.main()
+        rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in output.getvalue().splitlines()]
+        self.assertRegex(" ".join(rows[2][2:4]), r"^\d of 4 \(0\.\d\d…\d\.\d\d\) \d, \d, \d$")
+        ball = page[TASKS["ball"].title, "PPO"]
+        self.assertEqual(rows[3], ["", "PPO", ball[2].removesuffix(table.UNTESTED) + table.UNTESTED, *ball[3:]])
+        self.assertEqual([row[1:] for row in rows[4:]], [row[1:] for row in list(page.values())[6:]])  # after a header of two
 
     @unittest.skipUnless(list(GYM.glob("lib/python3*/site-packages/gymnasium")), "no Gymnasium: scripts/setup --python")
     @unittest.skipUnless(COMPILED, "the Python package is not built")
