@@ -1,19 +1,20 @@
 #include "smartsurf/world/RestLoads.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace smartsurf::world {
 namespace {
 
-using Block = Eigen::Matrix<double, 6, 6>;
 using Map6 = Eigen::Map<Eigen::Matrix<double, 6, 1>>;
 using ConstMap6 = Eigen::Map<const Eigen::Matrix<double, 6, 1>>;
 using Vec3d = Eigen::Vector3d;
 
-constexpr std::size_t kMaxBodies = 128;
+// More bodies than these, of which an awake one touches some, wait until it sleeps too: a heap falls asleep
+// body by body.
+constexpr std::size_t kMaxIncomplete = 32;
 constexpr double kBalanced = 2e-4;   // what forces may lack, relative to a body's weight
 constexpr double kTolerance = 1e-6;  // of the solution, relative to the weight of the island
 constexpr int kMaxRounds = 12;
@@ -31,16 +32,37 @@ constexpr auto is_rest_of_moment = [](const auto& row) { return row.load == null
 void RestLoads::balance(const BodyStore& bodies, std::span<const std::int32_t> fallen,
                         const ContactList& pair_contacts, SleepingContacts& contacts) {
   if (settings_.gravity.isZero(0.0F)) return;
+  find_touches(bodies, pair_contacts);
   place_.assign(bodies.asleep.size(), -1);
   for (const std::int32_t body : fallen) {
     if (place_[body] >= 0) continue;
-    if (!collect_island(bodies, body, contacts)) continue;
+    if (!collect_island(bodies, body, contacts) || is_incomplete()) continue;
     add_rows(bodies, contacts);
     add_weight_and_neighbours(bodies, pair_contacts);
     if (is_balanced() || !solve()) continue;
     for (const Row& r : rows_)
       if (r.load != nullptr) *r.load = static_cast<float>(r.impulse);
   }
+}
+
+void RestLoads::find_touches(const BodyStore& bodies, const ContactList& pair_contacts) {
+  touches_.clear();
+  for (std::size_t k = 0; k < pair_contacts.manifolds.size(); ++k) {
+    const Manifold& m = pair_contacts.manifolds[k];
+    if (bodies.is_active(m.a) != bodies.is_active(m.b))
+      touches_.push_back({bodies.is_active(m.a) ? m.b : m.a, static_cast<std::int32_t>(k)});
+  }
+  std::ranges::sort(touches_);
+}
+
+std::span<const RestLoads::Touch> RestLoads::touches_of(std::int32_t body) const {
+  return std::ranges::equal_range(touches_, body, {}, &Touch::sleeper);
+}
+
+// What lies on a large island has yet to fall asleep, or goes away: then its loads change again.
+bool RestLoads::is_incomplete() const {
+  return island_.size() > kMaxIncomplete &&
+         std::ranges::any_of(island_, [this](std::int32_t body) { return !touches_of(body).empty(); });
 }
 
 // The sleepers that touch each other. Returns whether their loads are found here.
@@ -56,7 +78,7 @@ bool RestLoads::collect_island(const BodyStore& bodies, std::int32_t from, const
       island_.push_back(other);
     });
   }
-  return !has_joints && island_.size() <= kMaxBodies;
+  return !has_joints && island_.size() <= LargeBlockCholesky::kMaxRows;
 }
 
 void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
@@ -179,31 +201,26 @@ void RestLoads::add_weight_and_neighbours(const BodyStore& bodies, const Contact
     for (int k = 0; k < 3; ++k) load_[i][k] = -weight[k];
   }
   const auto substeps = static_cast<float>(settings_.substeps);
-  for (const Manifold& m : pair_contacts.manifolds) {
-    if (bodies.is_active(m.a) == bodies.is_active(m.b)) continue;
-    const std::int32_t body = bodies.is_active(m.a) ? m.b : m.a;
-    const std::int32_t i = place_[body];
-    if (i < 0 || static_cast<std::size_t>(i) >= island_.size() || island_[i] != body) continue;
-    const double sign = body == m.a ? 1.0 : -1.0;
-    for (const Contact& c : pair_contacts.contacts_of(m)) {
-      const Vec3 impulse = c.total_normal_impulse * c.normal + substeps * c.friction_impulse;
-      const Vec3 anchor =
-          body == m.a ? c.anchor : Vec3(bodies.position[m.a] + c.anchor - bodies.position[m.b]);
-      const Vec3d moment = to_double(anchor).cross(to_double(impulse)) * inverse_radius_[i];
-      for (int k = 0; k < 3; ++k)
-        load_[i][k] -= sign * static_cast<double>(impulse[k]), load_[i][3 + k] -= sign * moment[k];
+  for (std::size_t i = 0; i < island_.size(); ++i)
+    for (const Touch& touch : touches_of(island_[i])) {
+      const Manifold& m = pair_contacts.manifolds[touch.manifold];
+      const bool is_a = touch.sleeper == m.a;
+      for (const Contact& c : pair_contacts.contacts_of(m)) {
+        const Vec3 impulse = c.total_normal_impulse * c.normal + substeps * c.friction_impulse;
+        const Vec3 anchor = is_a ? c.anchor : Vec3(bodies.position[m.a] + c.anchor - bodies.position[m.b]);
+        const Vec3d moment = to_double(anchor).cross(to_double(impulse)) * inverse_radius_[i];
+        const double sign = is_a ? 1.0 : -1.0;
+        for (int k = 0; k < 3; ++k)
+          load_[i][k] -= sign * static_cast<double>(impulse[k]), load_[i][3 + k] -= sign * moment[k];
+      }
     }
-  }
   double sum = 0.0;
   int count = 0;
   for (const Row& r : rows_)
     if (r.load != nullptr && r.start > 0.0) sum += r.start, ++count;
   mean_load_ = count > 0 ? sum / count : 0.0;
   residual_ = load_;
-  for (const Row& r : rows_) {
-    Map6(residual_[r.a].data()) -= r.start * ConstMap6(r.on_a.data());
-    if (r.b >= 0) Map6(residual_[r.b].data()) -= r.start * ConstMap6(r.on_b.data());
-  }
+  for (const Row& r : rows_) subtract(r, r.start);
 }
 
 bool RestLoads::is_balanced() const {
@@ -232,6 +249,10 @@ bool RestLoads::solve() {
     const bool is_tangent = r.on_a[0] != 0.0 || r.on_a[1] != 0.0 || r.on_a[2] != 0.0;
     return !is_tangent || !r.is_free || std::abs(r.impulse - r.start) * kTangentWeight <= r.weight;
   };
+  matrix_.reset(static_cast<int>(island_.size()));
+  for (const Row& r : rows_)
+    if (r.b >= 0) matrix_.connect(r.a, r.b);
+  matrix_.analyse();
   for (const double rest_of_moment : {0.0, 1.0})
     for (const bool with_touching : {false, true}) {
       for (Row& r : rows_)
@@ -250,82 +271,77 @@ bool RestLoads::solve() {
 }
 
 // impulse = start + weight · Jᵀ·x, with which the impulses balance the load: (J · weight · Jᵀ)·x = what they
-// lack, by conjugate gradients. Returns whether they do.
+// lack. Returns whether they do.
 bool RestLoads::find_impulses() {
-  const std::size_t n = island_.size();
-  residual_ = load_;
-  factor_.assign(n, {});
   const auto is_free = [&](const Row& r) { return r.is_free && (r.normal < 0 || rows_[r.normal].is_free); };
+  residual_ = load_;
   for (Row& r : rows_) {
     const bool is_constant = r.load == nullptr && r.normal < 0 && r.weight == 0.0;
-    r.impulse = is_free(r) || is_constant ? r.start : 0.0;
-    const auto add = [&](std::int32_t i, const Vector6& on) {
-      const ConstMap6 j(on.data());
-      Map6(residual_[i].data()) -= r.impulse * j;
-      if (is_free(r)) Eigen::Map<Block>(factor_[i].data()) += r.weight * j * j.transpose();
-    };
-    add(r.a, r.on_a);
-    if (r.b >= 0) add(r.b, r.on_b);
+    r.is_used = is_free(r);
+    r.impulse = r.is_used || is_constant ? r.start : 0.0;
+    subtract(r, r.impulse);
   }
+  add_free_rows();
+  if (!matrix_.factor()) return false;
   double scale = 0.0;
   for (const double weight : own_weight_) scale += weight;
-  std::vector<Eigen::LDLT<Block>> blocks(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    Block block = Eigen::Map<const Block>(factor_[i].data());
-    block.diagonal().array() += 1e-9 * std::max(block.trace(), 1e-30);
-    blocks[i].compute(block);
-  }
-  const auto dot = [n](const std::vector<Vector6>& x, const std::vector<Vector6>& y) {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < n; ++i) sum += ConstMap6(x[i].data()).dot(ConstMap6(y[i].data()));
-    return sum;
-  };
-  const auto speed = [](const Row& r, const std::vector<Vector6>& x) {
-    double s = ConstMap6(r.on_a.data()).dot(ConstMap6(x[r.a].data()));
-    if (r.b >= 0) s += ConstMap6(r.on_b.data()).dot(ConstMap6(x[r.b].data()));
-    return s;
-  };
-  const auto precondition = [&] {
-    for (std::size_t i = 0; i < n; ++i)
-      Map6(preconditioned_[i].data()) =
-          blocks[i].solve(Eigen::Matrix<double, 6, 1>(ConstMap6(residual_[i].data())));
-  };
-  change_.assign(n, Vector6{});
-  preconditioned_.resize(n), image_.resize(n);
-  precondition();
-  direction_ = preconditioned_;
-  double product = dot(residual_, preconditioned_);
-  const int max_iterations = 50 + 12 * static_cast<int>(n);
-  bool converged = false;
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    converged = std::sqrt(dot(residual_, residual_)) <= kTolerance * scale;
-    if (converged) break;
-    std::ranges::fill(image_, Vector6{});
-    for (const Row& r : rows_) {
-      if (!is_free(r)) continue;
-      const double impulse = r.weight * speed(r, direction_);
-      Map6(image_[r.a].data()) += impulse * ConstMap6(r.on_a.data());
-      if (r.b >= 0) Map6(image_[r.b].data()) += impulse * ConstMap6(r.on_b.data());
+  // What the diagonal has too much of makes these steps converge, not end at once.
+  double lacks = std::numeric_limits<double>::infinity();
+  while (true) {
+    work_ += island_.size();
+    double square = 0.0;
+    for (const Vector6& r : residual_) square += ConstMap6(r.data()).squaredNorm();
+    const double last = std::exchange(lacks, std::sqrt(square));
+    if (lacks <= kTolerance * scale) return true;
+    if (!(lacks < 0.5 * last)) return false;
+    change_ = residual_;
+    matrix_.solve(change_.front().data());
+    for (Row& r : rows_) {
+      if (!r.is_used) continue;
+      double speed = ConstMap6(r.on_a.data()).dot(ConstMap6(change_[r.a].data()));
+      if (r.b >= 0) speed += ConstMap6(r.on_b.data()).dot(ConstMap6(change_[r.b].data()));
+      r.impulse += r.weight * speed;
+      subtract(r, r.weight * speed);
     }
-    const double curvature = dot(direction_, image_);
-    if (!(curvature > 0.0)) break;
-    const double step = product / curvature;
-    for (std::size_t i = 0; i < n; ++i) {
-      Map6(change_[i].data()) += step * ConstMap6(direction_[i].data());
-      Map6(residual_[i].data()) -= step * ConstMap6(image_[i].data());
-    }
-    precondition();
-    const double next = dot(residual_, preconditioned_);
-    const double ratio = next / product;
-    product = next;
-    for (std::size_t i = 0; i < n; ++i)
-      Map6(direction_[i].data()) =
-          ConstMap6(preconditioned_[i].data()) + ratio * ConstMap6(direction_[i].data()).eval();
   }
-  if (!converged) return false;
-  for (Row& r : rows_)
-    if (is_free(r)) r.impulse += r.weight * speed(r, change_);
-  return true;
+}
+
+// From what the bodies lack.
+void RestLoads::subtract(const Row& r, double impulse) {
+  Map6(residual_[r.a].data()) -= impulse * ConstMap6(r.on_a.data());
+  if (r.b >= 0) Map6(residual_[r.b].data()) -= impulse * ConstMap6(r.on_b.data());
+}
+
+// J · weight · Jᵀ, with a little more on the diagonal: a body may be free to turn about the edge on which it
+// lies.
+void RestLoads::add_free_rows() {
+  constexpr std::size_t kTogether = 3;
+  matrix_.clear();
+  trace_.assign(island_.size(), 0.0);
+  for (std::size_t first = 0, end = 0; first < rows_.size(); first = end) {
+    const std::int32_t a = rows_[first].a, b = rows_[first].b;
+    LargeBlockCholesky::Rows on_a = {}, on_b = {};
+    double weight[kTogether] = {};
+    for (std::size_t k = 0; k < kTogether && end < rows_.size(); ++k) {
+      const Row& r = rows_[end];
+      if (r.a != a || r.b != b) break;
+      ++end;
+      if (!r.is_used) continue;
+      weight[k] = r.weight;
+      std::ranges::copy(r.on_a, on_a[k]);
+      std::ranges::copy(r.on_b, on_b[k]);
+      trace_[a] += r.weight * ConstMap6(r.on_a.data()).squaredNorm();
+      if (b >= 0) trace_[b] += r.weight * ConstMap6(r.on_b.data()).squaredNorm();
+    }
+    matrix_.add(a, a, weight, on_a, on_a);
+    if (b < 0) continue;
+    matrix_.add(b, b, weight, on_b, on_b);
+    matrix_.add(a, b, weight, on_a, on_b);
+  }
+  constexpr double kMore = 1e-9;
+  for (std::size_t i = 0; i < trace_.size(); ++i)
+    for (int k = 0; k < LargeBlockCholesky::kSize; ++k)
+      matrix_.add_to_diagonal(static_cast<int>(i), k, k, kMore * std::max(trace_[i], 1e-30));
 }
 
 }  // namespace smartsurf::world

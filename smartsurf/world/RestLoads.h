@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -15,6 +16,7 @@
 #include "smartsurf/world/SleepingContacts.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
+#include "smartsurf/world/solver/BlockCholesky.h"
 
 namespace smartsurf::world {
 
@@ -28,11 +30,14 @@ class RestLoads {
   };
   explicit RestLoads(const Settings& settings) : settings_(settings) {}
 
-  // Balances the loads in `contacts` of the islands of these bodies, which are asleep. `pair_contacts`: of
-  // the step, with those of sleepers that bear bodies which are awake. Islands with joints, and large ones,
-  // keep their loads.
+  // Balances the loads in `contacts` of the islands of these bodies, which are asleep, each once.
+  // `pair_contacts`: of the step, with those of sleepers that bear bodies which are awake. Islands with
+  // joints, and large ones, keep their loads; those of some size that touch what is awake keep them until
+  // that sleeps.
   void balance(const BodyStore&, std::span<const std::int32_t> fallen, const ContactList& pair_contacts,
                SleepingContacts& contacts);
+  // Passes over islands, in bodies, that all calls took.
+  std::size_t work() const { return work_; }
 
  private:
   using Vector6 = std::array<double, 6>;  // linear, angular; lengths relative to the body's radius
@@ -45,8 +50,18 @@ class RestLoads {
     std::int32_t normal = -1;  // of a tangent or a torque: its normal's row; −1: none
     float limit = std::numeric_limits<float>::infinity();
     bool touches = true, is_free = true;
+    bool is_used = true;  // its impulse is free, and that of its normal
   };
 
+  // A manifold of a sleeper and a body that is awake.
+  struct Touch {
+    std::int32_t sleeper, manifold;
+    auto operator<=>(const Touch&) const = default;
+  };
+
+  void find_touches(const BodyStore&, const ContactList& pair_contacts);
+  std::span<const Touch> touches_of(std::int32_t body) const;
+  bool is_incomplete() const;
   bool collect_island(const BodyStore&, std::int32_t from, const SleepingContacts&);
   void add_rows(const BodyStore&, SleepingContacts&);
   void add_contact(const BodyStore&, const Manifold&, Contact&);
@@ -56,14 +71,19 @@ class RestLoads {
   bool is_balanced() const;
   bool solve();
   bool find_impulses();
+  void subtract(const Row&, double impulse);
+  void add_free_rows();
   void set_free(bool with_touching);
 
   Settings settings_;
+  std::size_t work_ = 0;
+  std::vector<Touch> touches_;                // ascending
   std::vector<std::int32_t> island_, place_;  // bodies; by body: place in the island, −1: in none
   std::vector<double> radius_, inverse_radius_, own_weight_;
   std::vector<Row> rows_;
-  std::vector<Vector6> load_, residual_, direction_, image_, preconditioned_, change_;
-  std::vector<std::array<double, 36>> factor_;  // of the blocks on the diagonal
+  std::vector<Vector6> load_, residual_, change_;
+  LargeBlockCholesky matrix_;
+  std::vector<double> trace_;  // of its blocks on the diagonal
   double mean_load_ = 0.0;
 };
 

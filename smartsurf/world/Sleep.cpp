@@ -50,12 +50,8 @@ void Sleep::wake(BodyStore& b, std::size_t i) {
   // With the body those that joints connect with it: a sleeper among them would hold them like the table.
   std::size_t reached = woken_.size();
   wake_alone(b, static_cast<std::int32_t>(i));
-  for (; reached < woken_.size(); ++reached) {
-    const std::int32_t from = woken_[reached];
-    if (!b.is_jointed[from]) continue;
-    for (const BodyLink& link : b.links)
-      if (link.b >= 0 && (link.a == from || link.b == from)) wake_alone(b, link.a == from ? link.b : link.a);
-  }
+  for (; reached < woken_.size(); ++reached)
+    b.for_each_linked(woken_[reached], [&](std::int32_t other) { wake_alone(b, other); });
 }
 
 void Sleep::wake_alone(BodyStore& b, std::int32_t i) {
@@ -93,8 +89,7 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
   for (const Manifold& m : static_contacts.manifolds)
     for (const Contact& c : static_contacts.contacts_of(m))
       if (c.partner == Partner{index}) wake(b, m.a);
-  for (const BodyLink& link : b.links)
-    if (link.b >= 0 && (link.a == index || link.b == index)) wake(b, link.a == index ? link.b : link.a);
+  b.for_each_linked(body, [&](std::int32_t other) { wake(b, other); });
 }
 
 void Sleep::wake_forced(BodyStore& b) {

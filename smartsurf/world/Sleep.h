@@ -41,6 +41,7 @@ class Sleep {
   // Version numbers of the sleeping set, and of its contacts.
   unsigned set_version() const { return set_version_; }
   unsigned contacts_version() const { return contacts_version_; }
+  const RestLoads& rest_loads() const { return rest_loads_; }
 
   // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
   // With all bodies that joints connect with it, which sleep only together.

@@ -43,6 +43,34 @@ struct Towers : PhysicsFixture {
   int bodies() { return static_cast<int>(kBoxes * tops.size()); }
 };
 
+// Boxes, with even seeds bodies of all round shapes too, dropped into a pit at random.
+struct Heap : PhysicsFixture {
+  int count = 0;
+
+  explicit Heap(unsigned seed) {
+    std::mt19937 random(seed);
+    const auto draw = [&random](double low, double high) {
+      return std::uniform_real_distribution<double>(low, high)(random);
+    };
+    count = static_cast<int>(draw(50, 130));
+    scene.world.dt_s = 1.0 / 60;
+    scene.surface.rows = scene.surface.columns = 12;
+    scene.surface.border_height = 8.0;
+    scene.materials[0].rolling_friction = 0.01;
+    for (int i = 0; i < count; ++i) {
+      smartsurf::scene::ObjectSpec o = box({draw(0.8, 1.8), draw(0.8, 1.8), draw(0.8, 1.8)}, {});
+      if (seed % 2 == 0 && i % 5 == 1) o = sphere(draw(0.5, 0.9), {});
+      if (seed % 2 == 0 && i % 5 == 2) o = cylinder(draw(0.5, 0.9), draw(0.8, 1.8), {});
+      if (seed % 2 == 0 && i % 5 == 3) o = capsule(draw(0.4, 0.6), draw(1.4, 2.2), {});
+      o.position = {3 + 2.5 * (i % 3) + draw(-0.3, 0.3), 3 + 2.5 * (i / 3 % 3) + draw(-0.3, 0.3),
+                    2 + 2.2 * (i / 9)};
+      o.orientation = Eigen::Quaterniond(draw(-1, 1), draw(-1, 1), draw(-1, 1), draw(-1, 1)).normalized();
+      add(o);
+    }
+  }
+  NativeEngine& engine() { return dynamic_cast<NativeEngine&>(world()); }
+};
+
 }  // namespace
 
 TEST(SleepingPile, TowersStandAndCostNothing) {
@@ -148,6 +176,40 @@ TEST(SleepingPile, SleepersElsewhereChangeNoBit) {
     for (std::size_t i = 0; i < ids.size(); ++i) {
       ASSERT_EQ(alone.position(ids[i]), beside.position(same[i])) << k << " " << i;
       ASSERT_EQ(alone.velocity(ids[i]), beside.velocity(same[i])) << k << " " << i;
+    }
+  }
+}
+
+// A heap falls asleep body by body. However many do so in a step, its loads at rest take a limited number of
+// passes over it, in a step and in all.
+TEST(SleepingPile, LoadsOfAHeapCostNoMoreThanItsBodies) {
+  for (unsigned seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    Heap heap(seed);
+    std::size_t work = 0, most = 0;
+    heap.run(16.0, [&] {
+      const std::size_t before = std::exchange(work, heap.engine().rest_load_work());
+      most = std::max(most, work - before);
+    });
+    EXPECT_GT(heap.world().sleeping_count(), heap.count / 2);
+    EXPECT_LT(most, 100U * static_cast<std::size_t>(heap.count));
+    EXPECT_LT(work, 150U * static_cast<std::size_t>(heap.count));
+  }
+}
+
+// An engine that takes over the state finds the same loads.
+TEST(SleepingPile, SavedHeapsHaveTheSameLoads) {
+  const auto loads = [](Heap& heap) {
+    std::vector<float> out;
+    for (const smartsurf::world::ContactPoint& c : heap.world().contacts()) out.push_back(c.impulse);
+    return out;
+  };
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    Heap heap(seed), taken_over(seed);
+    for (int k = 0; k < 30; ++k) {
+      heap.run(0.5), taken_over.run(0.5);
+      ASSERT_EQ(loads(heap), loads(taken_over)) << seed << " " << k;
+      taken_over.take_over();
     }
   }
 }

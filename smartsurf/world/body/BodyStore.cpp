@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "common/memory/Prefetch.h"
@@ -114,6 +115,18 @@ void BodyStore::set_links(std::vector<BodyLink> new_links) {
       excluded_pairs_.push_back({std::min(link.a, link.b), std::max(link.a, link.b)});
   }
   std::ranges::sort(excluded_pairs_);
+  index_links();
+}
+
+void BodyStore::index_links() {
+  first_linked_.assign(id.size() + 1, 0);
+  for (const BodyLink& link : links)
+    if (link.b >= 0) ++first_linked_[link.a + 1], ++first_linked_[link.b + 1];
+  std::partial_sum(first_linked_.begin(), first_linked_.end(), first_linked_.begin());
+  linked_.resize(first_linked_.back());
+  std::vector<std::int32_t> next = first_linked_;
+  for (const BodyLink& link : links)
+    if (link.b >= 0) linked_[next[link.a]++] = link.b, linked_[next[link.b]++] = link.a;
 }
 
 bool BodyStore::is_excluded(std::size_t i, std::size_t j) const {

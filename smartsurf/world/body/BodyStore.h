@@ -94,6 +94,12 @@ struct BodyStore {
   }
   // Replaces the links.
   void set_links(std::vector<BodyLink>);
+  // Calls visit(other) for the bodies that links connect with a body, in the order of the links.
+  template <class Visit>
+  void for_each_linked(std::size_t i, Visit visit) const {
+    if (i + 1 >= first_linked_.size()) return;
+    for (std::int32_t k = first_linked_[i]; k < first_linked_[i + 1]; ++k) visit(linked_[k]);
+  }
   // Position and velocity of the shape's origin (what collision detection and the scene call the body's
   // position), not of the centre of mass, u and u/s.
   Vec3 origin(std::size_t i) const {
@@ -111,6 +117,7 @@ struct BodyStore {
       rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s,
       rest_motion, is_jointed, links, excluded_pairs_, axes, delta_pose, world_inverse_inertia, local_origin,
       has_offsets, origin_offset, non_spheres, restituting);
+    if (!a.saves()) index_links();
   }
 
   // The id must exceed all ids in the store.
@@ -145,11 +152,14 @@ struct BodyStore {
  private:
   using BodyPair = std::array<std::int32_t, 2>;  // ascending
   bool is_excluded(std::size_t i, std::size_t j) const;
+  void index_links();
   // Adds to the numbers of bodies of the body's kinds.
   void count_kind(std::size_t i, int count);
   void integrate_rotations(std::span<const Rotating>);
 
   std::vector<BodyPair> excluded_pairs_;  // ascending
+  // By body, and one more: where in linked_ the bodies begin that its links connect with it.
+  std::vector<std::int32_t> first_linked_, linked_;
 };
 
 // Quaternion of a rotation vector (axis times angle, rad).

@@ -11,10 +11,30 @@ namespace {
 
 constexpr int kSize = BlockCholesky::kSize;
 
+template <class Mask>
+int count_bits(Mask mask) {
+  if constexpr (sizeof(Mask) <= sizeof(std::uint64_t)) {
+    return std::popcount(mask);
+  } else {
+    return std::popcount(static_cast<std::uint64_t>(mask)) +
+           std::popcount(static_cast<std::uint64_t>(mask >> 64));
+  }
+}
+
+template <class Mask>
+int lowest_bit(Mask mask) {
+  if constexpr (sizeof(Mask) <= sizeof(std::uint64_t)) {
+    return std::countr_zero(mask);
+  } else {
+    const auto low = static_cast<std::uint64_t>(mask);
+    return low != 0 ? std::countr_zero(low) : 64 + std::countr_zero(static_cast<std::uint64_t>(mask >> 64));
+  }
+}
+
 // Calls each(i) for the bits of a mask, ascending.
-template <class Each>
-void for_each_bit(std::uint32_t mask, Each each) {
-  for (; mask != 0; mask &= mask - 1) each(std::countr_zero(mask));
+template <class Mask, class Each>
+void for_each_bit(Mask mask, Each each) {
+  for (; mask != 0; mask &= mask - 1) each(lowest_bit(mask));
 }
 
 // A column of a block as compiler vectors, because GCC does not vectorise loops of six at -O2. They round as
@@ -79,43 +99,55 @@ void divide_by_factor(const double* __restrict l, double* __restrict a) {
 
 }  // namespace
 
-void BlockCholesky::reset(int rows) {
+template <int max_rows>
+void BasicBlockCholesky<max_rows>::reset(int rows) {
   assert(rows <= kMaxRows);
   rows_ = rows;
   std::fill_n(neighbours_, rows, 0);
 }
 
 // Eliminates the row with the fewest neighbours, which become neighbours of each other.
-void BlockCholesky::analyse() {
-  std::uint32_t left = rows_ == kMaxRows ? ~std::uint32_t{0} : bit(rows_) - 1;
-  std::uint32_t fill[kMaxRows], below_row[kMaxRows];
-  for (int i = 0; i < rows_; ++i) fill[i] = neighbours_[i] & ~bit(i);
+template <int max_rows>
+void BasicBlockCholesky<max_rows>::analyse() {
+  Mask left = rows_ == kMaxRows ? ~Mask{0} : bit(rows_) - 1;
+  Mask fill[kMaxRows], below_row[kMaxRows];
+  int degree[kMaxRows];
+  for (int i = 0; i < rows_; ++i) {
+    fill[i] = neighbours_[i] & ~bit(i);
+    degree[i] = count_bits(fill[i]);
+  }
   for (int at = 0; at < rows_; ++at) {
-    int next = std::countr_zero(left);
+    int next = lowest_bit(left);
     for_each_bit(left, [&](int i) {
-      if (std::popcount(fill[i]) < std::popcount(fill[next])) next = i;
+      if (degree[i] < degree[next]) next = i;
     });
     left &= ~bit(next);
     row_at_[at] = next, position_[next] = at;
     below_row[at] = fill[next];
-    for_each_bit(fill[next], [&](int i) { fill[i] = (fill[i] | fill[next]) & ~bit(i) & ~bit(next); });
+    for_each_bit(fill[next], [&](int i) {
+      fill[i] = (fill[i] | fill[next]) & ~bit(i) & ~bit(next);
+      degree[i] = count_bits(fill[i]);
+    });
   }
   first_block_[0] = 0;
   for (int at = 0; at < rows_; ++at) {
     below_[at] = 0;
     for_each_bit(below_row[at], [&](int i) { below_[at] |= bit(position_[i]); });
-    first_block_[at + 1] = first_block_[at] + 1 + std::popcount(below_[at]);
+    first_block_[at + 1] = first_block_[at] + 1 + count_bits(below_[at]);
   }
-  matrix_.assign(first_block_[rows_], Block{});
+  clear();
 }
 
 // Index of the block at two positions, `row` after `column`.
-int BlockCholesky::below(int row, int column) const {
+template <int max_rows>
+int BasicBlockCholesky<max_rows>::below(int row, int column) const {
   assert(below_[column] & bit(row));
-  return first_block_[column] + 1 + std::popcount(below_[column] & (bit(row) - 1));
+  return first_block_[column] + 1 + count_bits(below_[column] & (bit(row) - 1));
 }
 
-void BlockCholesky::add(int i, int j, const double (&weight)[3], const Rows& a, const Rows& b) {
+template <int max_rows>
+void BasicBlockCholesky<max_rows>::add(int i, int j, const double (&weight)[3], const Rows& a,
+                                       const Rows& b) {
   const int at_i = position_[i], at_j = position_[j];
   const bool is_below = at_i >= at_j;
   const Rows &down = is_below ? a : b, &across = is_below ? b : a;
@@ -130,13 +162,14 @@ void BlockCholesky::add(int i, int j, const double (&weight)[3], const Rows& a, 
   }
 }
 
-bool BlockCholesky::factor() {
+template <int max_rows>
+bool BasicBlockCholesky<max_rows>::factor() {
   factor_.assign(matrix_.begin(), matrix_.end());
   for (int column = 0; column < rows_; ++column) {
     double* const pivot = factor_[diagonal(column)].data();
     if (!factor_block(pivot)) return false;
     Block* const blocks = factor_.data() + diagonal(column) + 1;
-    const int count = std::popcount(below_[column]);
+    const int count = count_bits(below_[column]);
     for (int k = 0; k < count; ++k) divide_by_factor(pivot, blocks[k].data());
     int from = 0;
     for_each_bit(below_[column], [&](int j) {
@@ -151,7 +184,8 @@ bool BlockCholesky::factor() {
   return true;
 }
 
-void BlockCholesky::solve(double* right_side) {
+template <int max_rows>
+void BasicBlockCholesky<max_rows>::solve(double* right_side) {
   double* const x = right_side_;
   for (int at = 0; at < rows_; ++at) std::copy_n(right_side + kSize * row_at_[at], kSize, x + kSize * at);
   for (int column = 0; column < rows_; ++column) {
@@ -184,5 +218,8 @@ void BlockCholesky::solve(double* right_side) {
   }
   for (int at = 0; at < rows_; ++at) std::copy_n(x + kSize * at, kSize, right_side + kSize * row_at_[at]);
 }
+
+template class BasicBlockCholesky<32>;
+template class BasicBlockCholesky<128>;
 
 }  // namespace smartsurf::world

@@ -7,13 +7,15 @@
 
 #include <array>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 namespace smartsurf::world {
 
-class BlockCholesky {
+template <int max_rows>
+class BasicBlockCholesky {
  public:
-  static constexpr int kMaxRows = 32, kSize = 6;
+  static constexpr int kMaxRows = max_rows, kSize = 6;
   // Three rows of a Jacobian matrix, along the three axes of a point.
   using Rows = double[3][kSize];
 
@@ -22,6 +24,8 @@ class BlockCholesky {
   void reset(int rows);
   void connect(int i, int j) { neighbours_[i] |= bit(j), neighbours_[j] |= bit(i); }
   void analyse();
+  // Makes all blocks 0 again.
+  void clear() { matrix_.assign(first_block_[rows_], Block{}); }
 
   // Adds Σ weight[k]·a[k]·b[k]ᵀ to block (i, j), and its transpose to (j, i) if i ≠ j. The blocks must be
   // connected.
@@ -38,18 +42,24 @@ class BlockCholesky {
 
  private:
   using Block = std::array<double, kSize * kSize>;  // column by column
-  static std::uint32_t bit(int i) { return std::uint32_t{1} << i; }
+  __extension__ using Mask128 = unsigned __int128;
+  using Mask = std::conditional_t<max_rows <= 32, std::uint32_t, Mask128>;  // a bit for each row
+  static_assert(max_rows <= 128);
+  static Mask bit(int i) { return Mask{1} << i; }
   int diagonal(int position) const { return first_block_[position]; }
   int below(int row, int column) const;
 
   int rows_ = 0;
-  std::uint32_t neighbours_[kMaxRows];  // by row
+  Mask neighbours_[kMaxRows];  // by row
   // By position in the order of elimination: the row, the positions of the blocks below the diagonal, and the
   // first block of the column, on the diagonal. position_: by row.
   int row_at_[kMaxRows], position_[kMaxRows], first_block_[kMaxRows + 1];
-  std::uint32_t below_[kMaxRows];
+  Mask below_[kMaxRows];
   std::vector<Block> matrix_, factor_;
   double right_side_[kMaxRows * kSize];  // by position
 };
+
+using BlockCholesky = BasicBlockCholesky<32>;
+using LargeBlockCholesky = BasicBlockCholesky<128>;
 
 }  // namespace smartsurf::world
