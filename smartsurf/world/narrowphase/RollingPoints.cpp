@@ -24,17 +24,18 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   if (!shape.is_axisymmetric()) return {};
   const Vec3 axis = bodies.axes[body].col(2);
   const float along = from_origin.dot(axis), normal_along = normal.dot(axis);
+  // On an edge or a corner of what it touches the normal is not across the axis.
+  const Vec3 generatrix = (axis - normal_along * normal).normalized();
   if (shape.kind == scene::ShapeKind::kCapsule) {
     const float end = std::max(0.0F, shape.high - shape.radius);
-    if (std::abs(along) < end) return {1.0F / shape.radius, axis};
+    if (std::abs(along) < end) return {1.0F / shape.radius, generatrix};
     return {1.0F / shape.radius};
   }
   constexpr float kMostAlong = 0.7F;  // an end
   if (std::abs(normal_along) > kMostAlong) return {};
-  const Vec3 across = normal - normal_along * axis, generatrix = axis - normal_along * normal;
+  const Vec3 across = normal - normal_along * axis;
   constexpr float kLeastRadius = 1e-4F;  // of a cone, near its tip
-  return {across.norm() / std::max(kLeastRadius, (from_origin - along * axis).norm()),
-          generatrix.normalized()};
+  return {across.norm() / std::max(kLeastRadius, (from_origin - along * axis).norm()), generatrix};
 }
 
 // One of the two bodies, or the ground.

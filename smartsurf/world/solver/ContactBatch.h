@@ -28,7 +28,7 @@ struct ContactBatch {
                lane_count = 0;        // points [first_point, first_point + point_count)
   bool has_rolling_friction = false;  // of any lane
   bool has_impulse_limit = false;     // of any point
-  bool has_face_patch = false;        // any contact has a twist_friction_loss
+  bool has_face_patch = false;        // of any lane: points with a twist_friction_loss
 };
 
 // The k-th contact point of each lane. Lanes without one have a zero normal and a large separation. Fields

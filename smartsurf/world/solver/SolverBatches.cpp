@@ -177,6 +177,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
   struct Lanes {
     float radius_a[kLanes] = {}, radius_b[kLanes] = {}, friction[kLanes] = {}, rolling_friction[kLanes] = {};
     float position_a[3][kLanes] = {}, position_b[3][kLanes] = {}, relative_velocity[3][kLanes] = {};
+    float is_face_patch[kLanes] = {};  // 1: several points touch; of one, the twist is a rounding error
   } lanes;
   const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
     const SurfaceMaterial& a = material_[o.a[lane]];
@@ -187,20 +188,27 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = *of.manifold[lane];
     lanes.radius_a[lane] = material_[o.a[lane]].radius;
+    const auto set_face_patch = [&](int points) {
+      if (points < 2) return;
+      lanes.is_face_patch[lane] = 1.0F;
+      o.has_face_patch = true;
+    };
     if (!of_pairs) {
+      int patch_points = 0;
       for (int k = 0; k < m.count; ++k) {
         const Contact& c = of.first[lane][k];
         if (!of.has(lane, k)) continue;
         set_friction(lane, material_of_b(context, m, c));
-        o.has_face_patch |= c.touches_body() && c.twist_friction_loss > 0.0F;
+        patch_points += c.touches_body() && c.twist_friction_loss > 0.0F ? 1 : 0;
       }
+      set_face_patch(patch_points);
       continue;
     }
     const SurfaceMaterial& b = material_[o.b[lane]];
     lanes.radius_b[lane] = b.radius;
     set_friction(lane, b);
     if (of_spheres) continue;
-    o.has_face_patch |= m.count > 1 && of.first[lane]->twist_friction_loss > 0.0F;
+    if (of.first[lane]->twist_friction_loss > 0.0F) set_face_patch(m.count);
     store(lanes.position_a, lane, position[m.a]);
     store(lanes.position_b, lane, position[m.b]);
     store(lanes.relative_velocity, lane, context.bodies.velocity(m.a) - context.bodies.velocity(m.b));
@@ -242,7 +250,8 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         put(impulses.x, d.steady_impulse);
         if (o.has_face_patch)
           put(Float4{four[0]->twist_friction_loss, four[1]->twist_friction_loss, four[2]->twist_friction_loss,
-                     four[3]->twist_friction_loss},
+                     four[3]->twist_friction_loss} *
+                  load4(lanes.is_face_patch + lane),
               d.twist_friction_loss);
         const Float4 anchor[3] = {first.w, second.x, second.y};
         const Float4 time{four[0]->anchor_time_s, four[1]->anchor_time_s, four[2]->anchor_time_s,

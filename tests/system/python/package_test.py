@@ -18,6 +18,18 @@ except ImportError:
 import smartsurf
 from experiments import ACTUATORS, CROWD, NOISY, ROOT, TASK_OF_EACH_ACTUATOR, ExperimentTest
 
+# Boxes and cylinders fall on each other, on faces, edges and corners.
+HEAP = """
+world { dt = 1/240, control_period = 1/240 }
+surface { rows = 10, columns = 10, border = { height = 5 }, actuator = pin { range = {0, 2} } }
+for i = 1, 12 do
+  local p = { random(2, 7), random(2, 7), 1.5 + 0.6 * i }
+  local turned = { roll = random(0, 6), pitch = random(0, 6), yaw = random(0, 6) }
+  if i % 3 == 0 then cylinder { radius = 0.6, height = random(0.5, 1.5), position = p, orientation = turned }
+  else box { size = { random(0.6, 2), random(0.6, 2), random(0.4, 1) }, position = p, orientation = turned } end
+end
+"""
+
 
 def drive(simulation, ticks, seed=0):
     """Random targets that change every fifth tick; returns hash, rewards and readings of each tick."""
@@ -106,6 +118,18 @@ reward(function(t, tick) if tick == 5 then %s end return 0 end)
     def test_threads_do_not_change_the_bits(self):
         traces = [drive(smartsurf.Simulation(self.script(NOISY), seed=3, threads=n), 60) for n in (1, 3)]
         self.assertEqual(*traces)
+
+    def test_worlds_that_one_thread_steps_in_turn_do_not_change_each_other(self):
+        path = self.script(HEAP)
+        for seed in range(1, 9):
+            alone, first, second = (smartsurf.Simulation(path, seed=s) for s in (seed, seed, seed + 100))
+            hashes = []
+            for tick in range(90):
+                alone.step(0)
+                hashes.append(alone.state_hash)
+            for tick in range(90):
+                first.step(0), second.step(0)
+                self.assertEqual(first.state_hash, hashes[tick], (seed, tick))
 
     def test_episode_ends_by_length_success_and_stop(self):
         base = "surface { rows = 4, columns = 4, actuator = pin {} }\nlocal b = sphere { radius = 1, position = {1, 1, 9} }\n"
