@@ -57,6 +57,11 @@ class Tables(unittest.TestCase):
         self.assertEqual(plan.without_comments(scene), plan.without_comments("local n = 3\nsurface { rows = n } -- all\n"))
         self.assertNotEqual(plan.without_comments(scene), plan.without_comments(scene.replace("3", "4")))
 
+    def test_a_range_of_an_option_does_not_change_a_scene_and_a_default_does(self):
+        scene = "local n, m = option('n', 3, 'rows', { 1, 9 }), option('m', 1.5)\n"
+        self.assertEqual(plan.without_comments(scene), plan.without_comments("local n, m = option('n', 3, 'rows'), option('m', 1.5)\n"))
+        self.assertNotEqual(plan.without_comments(scene), plan.without_comments(scene.replace("3", "4")))
+
 
 class Reproducing(unittest.TestCase):
     """docs/reproducing.md lists every table and picture, and a table of another physics is found."""
