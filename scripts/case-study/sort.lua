@@ -1,8 +1,8 @@
 -- The case study of the paper: a 64×64 surface of pins, a wall around it, and spheres of two sizes dropped at random.
 -- Small spheres belong in the western half, large ones in the eastern. Run it with sort.aps as the controller.
 
-local small_count  = option('small', 20, 'number of small spheres')
-local large_count  = option('large', 20, 'number of large spheres')
+local small_count  = option('small', 20, 'number of small spheres', { 0, 1000 })
+local large_count  = option('large', 20, 'number of large spheres', { 0, 1000 })
 local small_radius = option('small_radius', 2.0, 'radius of the small spheres')
 local large_radius = option('large_radius', 4.0, 'radius of the large spheres')
 local pin_speed    = option('pin_speed', 6.0, 'greatest speed of a pin, u/s')
@@ -11,9 +11,9 @@ local dead_sensors = option('dead_sensors', 0.0, 'fraction of the sensors that r
 local dropout      = option('dropout', 0.0, 'fraction of the readings that report nothing')
 local false_hits   = option('false_hits', 0.0, 'fraction of the readings without an object that report one')
 local restitution  = option('restitution', 0.1, 'restitution of spheres and pins')
-local spread       = option('spread', 0.0, 'by which share of its radius a sphere differs from others of its size, at most')
+local spread       = option('spread', 0.0, 'by which share of its radius a sphere differs from others of its size, at most', { 0, 0.9 })
 local stuck_pins   = option('stuck_pins', 0.0, 'fraction of the pins that stand still at a random height')
-local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on')
+local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on', { 0, 1000000 })
 
 local rows, columns, up, wall = 64, 64, 4.0, 6.0
 

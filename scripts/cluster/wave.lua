@@ -1,7 +1,7 @@
 -- A travelling wave of pins carries a ball; how fast depends on its shape.
-local amplitude = option('amplitude', 0.5, 'half of the wave height, u')
-local wavelength = option('wavelength', 8, 'u')
-local frequency = option('frequency', 1, 'Hz')
+local amplitude = option('amplitude', 0.5, 'half of the wave height, u', { 0, 1 })
+local wavelength = option('wavelength', 8.0, 'u', { 1, 1000 })
+local frequency = option('frequency', 1.0, 'Hz', { 0, 100 })
 
 surface { rows = 8, columns = 32, actuator = pin { range = {0, 2}, max_speed = 8, max_acceleration = 200 }, border = { height = 4 } }
 local start = random(4, 8)

@@ -31,14 +31,13 @@ local sheets = {}
 local function add(shape, position, yaw)
   return shape[3] { position = position, orientation = { yaw = yaw }, mass = 0.048 * shape[2], label = shape[1], colour = 'yellow' }
 end
-for name in kinds:gmatch '%a+' do
+for name in kinds:gmatch '%S+' do
+  local shape
+  for _, known in ipairs(shapes) do if known[1] == name then shape = known end end
+  if not shape then error("kinds: no '" .. name .. "'; there are letter, card, frame, disc, triangle") end
   local place = table.remove(places, math.floor(random(1, #places + 1)))
   if not place then error('kinds: at most six sheets have a place') end
-  for _, shape in ipairs(shapes) do
-    if shape[1] == name then
-      sheets[#sheets + 1] = add(shape, { place[1] + random(-1, 1), place[2] + random(-1, 1), 0.6 }, random(0, 2 * math.pi))
-    end
-  end
+  sheets[#sheets + 1] = add(shape, { place[1] + random(-1, 1), place[2] + random(-1, 1), 0.6 }, random(0, 2 * math.pi))
 end
 
 local low = math.huge

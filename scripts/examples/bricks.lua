@@ -1,8 +1,8 @@
 -- Round towers, laid brick by brick by the script, and then shot at.
 -- Run it with: smartsurf run scripts/examples/bricks.lua --no-controller --window
-local courses = option('courses', 14, 'layers of bricks in a tower')
-local bricks = option('bricks', 24, 'bricks in a layer')
-local towers = option('towers', 3, 'along each side of the square of towers')
+local courses = option('courses', 14, 'layers of bricks in a tower', { 1, 100 })
+local bricks = option('bricks', 24, 'bricks in a layer', { 3, 200 })
+local towers = option('towers', 3, 'along each side of the square of towers', { 1, 20 })
 local shot_at = option('shot_at', 2, 'when the balls come, s')
 local seconds = option('seconds', 6, 'how long the run lasts, s')
 

@@ -10,7 +10,7 @@ surface { rows = 24, columns = 24, pitch = 1.0,
           sensors = { proximity { range = 8 } },
           border = { height = 4 } }
 
-local height = option('height', 20, 'how high the objects start, u')
+local height = option('height', 20.0, 'how high the objects start, u', { 2, 10000 })
 local seconds = option('seconds', 5, 'how long the run lasts, s')
 
 local ball = sphere { radius = 1, position = { 6, 6, height }, material = 'rubber', colour = 'red', label = 'ball' }

@@ -1,8 +1,8 @@
 -- Thousands of objects of every simple shape, poured onto a table whose pins heave under them.
 -- Run it with: smartsurf run scripts/examples/pour.lua --no-controller --window --set count=500
-local count = option('count', 4000, 'number of objects')
+local count = option('count', 4000, 'number of objects', { 1, 100000 })
 local cells_a_side = option('cells', 96, 'rows and columns of the table')
-local swell = option('swell', 1.0, 'half the height of the waves, u')
+local swell = option('swell', 1.0, 'half the height of the waves, u', { 0, 3 })
 local seconds = option('seconds', 10, 'how long the run lasts, s')
 
 world { seed = 1 }

@@ -4,8 +4,8 @@ world { seed = 1 }
 
 surface { rows = 32, columns = 32, sensors = { proximity { range = 8 } }, border = { height = 6 } }
 
-local count = option('count', 200, 'number of objects that fall')
-local rate = option('rate', 20, 'objects a second')
+local count = option('count', 200, 'number of objects that fall', { 1, 100000 })
+local rate = option('rate', 20.0, 'objects a second', { 0.01, 1000 })
 local colours = { 'red', 'orange', 'yellow', 'green', 'blue', 'purple' }
 
 local fallen = 0

@@ -7,12 +7,12 @@ surface { rows = 16, columns = 48,
           sensors = { proximity { range = 8 } },
           border = { height = 6 } }
 
-local wavelength = option('wavelength', 12, 'distance between two crests, u')
-local speed = option('speed', 3, 'of the crests, u/s')
-local amplitude = option('amplitude', 1, 'half the height of the wave, u')
+local wavelength = option('wavelength', 12.0, 'distance between two crests, u', { 1, 1000 })
+local speed = option('speed', 3.0, 'of the crests, u/s', { -100, 100 })
+local amplitude = option('amplitude', 1.0, 'half the height of the wave, u', { 0, 10 })
 local seconds = option('seconds', 10, 'how long the run lasts, s')
 
-for i = 1, option('count', 6, 'number of spheres') do
+for i = 1, option('count', 6, 'number of spheres', { 0, 6 }) do
   sphere { radius = 1.2, position = { 4, 2 + 12 * (i - 0.5) / 6, 5 }, colour = 'red', label = 'passenger' }
 end
 

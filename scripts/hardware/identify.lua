@@ -10,7 +10,7 @@ surface { rows = 10, columns = 10, material = 'top', border = { height = 6 },
           sensors = { pin_height {}, proximity { range = 6 }, pressure {} } }
 record { sensors = true, actuators = true }
 
-local drive = option('drive', 'cells', 'what the script does: cells, ball, none or bowl')
+local drive = option('drive', 'cells', 'what the script does', { 'cells', 'ball', 'none', 'bowl' })
 local known = option('known', '', 'file of gains and offsets of the pins')
 
 local gain, offset = {}, {}

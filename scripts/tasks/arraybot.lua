@@ -5,7 +5,7 @@ local M = { pitch = 1.7, travel = 5.5, middle = 7.5 * 1.7 }
 
 -- Declares world, materials, surface and faults. sensors: further ones.
 function M.surface(arguments)
-  local faulty = option('faulty', 0.02, 'share of the pillars without touch; of those that are weak; half of it: dead, stuck')
+  local faulty = option('faulty', 0.02, 'share of the pillars without touch; of those that are weak; half of it: dead, stuck', { 0, 0.5 })
   local noise = option('noise', 0.5, 'standard deviation of a load, kg·cm/s²; an object weighs about 40')
   world { unit = 'cm', control_period = 0.1, seed = option('seed', 1, 'of object, place and faults') }
   material { name = 'plastic', friction = 0.5, restitution = 0, density = 5e-4 }

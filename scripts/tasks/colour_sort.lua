@@ -1,6 +1,6 @@
 -- Balls of one size and two colours: blue ones belong in the western half, red ones in the eastern.
 local two_kinds = require 'two_kinds'
-local count = option('count', 8, 'balls of each colour')
+local count = option('count', 8, 'balls of each colour', { 1, 1000 })
 local n, radius = option('n', 40, 'rows and columns'), 2
 
 material { name = 'plastic', friction = 0.25 }

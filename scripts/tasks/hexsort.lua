@@ -1,8 +1,7 @@
 -- Parcels from two infeeds merge on a table of 21×24 hexagons with three omnidirectional wheels each, and leave by the exit of
 -- their colour: red in the north, green in the east, blue in the south.
 local logistics = require 'logistics'
-local count, gap = option('count', 24, 'number of parcels'), option('gap', 2.0, 'seconds between two of them')
-if count < 1 then error('option count = ' .. count .. ': must be 1 or more') end
+local count, gap = option('count', 24, 'number of parcels', { 1, 10000 }), option('gap', 2.0, 'seconds between two of them', { 0.05, 1000 })
 local pitch, rows, columns = 2, 21, 24
 local top_y, right_x = (rows - 1) * pitch * math.sqrt(3) / 2, (columns - 0.5) * pitch
 

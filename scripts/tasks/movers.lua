@@ -3,7 +3,7 @@
 -- first, and whoever is in its way gives way (PIBT: Okumura and others, Artificial Intelligence 310, 2022). The currents
 -- of the coils below a mover are the least that give the force by which it follows a smooth path.
 local logistics = require 'logistics'
-local layout, count = option('layout', 0, 'of MagBotSim, 0 to 9'), option('goals', 4, 'of each mover')
+local layout, count = option('layout', 0, 'of MagBotSim', { 0, 9 }), option('goals', 4, 'of each mover', { 1, 1000 })
 local layouts = {
   [0] = { 3, '111 111 111 111' }, { 3, '111 111 011 111' }, { 4, '11111 11111 00011 11111 11111 11000 11111 11111' },
   { 4, '0011100 0011100 1111111 1110111 1111111 0011100 0011100' },
@@ -13,8 +13,6 @@ local layouts = {
   { 4, '1110111 1110111 1100011 1100011 1100011 1111111 1111111' },
   { 5, '111111 111111 111100 111100 111111 101111 001111 000100' },
   { 5, '11111000 11111100 00111110 00111111 10011011 11111011 11111111 11111110' } }
-if not layouts[layout] then error('option layout = ' .. layout .. ': must be 0 to 9') end
-if count < 1 then error('option goals = ' .. count .. ': must be 1 or more') end
 local movers, map = layouts[layout][1], {}
 for line in layouts[layout][2]:gmatch('%S+') do map[#map + 1] = line end
 

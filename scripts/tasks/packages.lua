@@ -1,6 +1,6 @@
 -- Packages of three colours enter a table of 12×12 two-wheel cells in the west and leave by the exit of their colour:
 -- red in the north, green in the east, blue in the south.
-local count, gap = option('count', 12, 'packages'), option('gap', 1.5, 'seconds between two of them')
+local count, gap = option('count', 12, 'packages', { 1, 10000 }), option('gap', 1.5, 'seconds between two of them', { 0.05, 1000 })
 local pitch, size = 2, 2.4
 
 world { off_table = 'remove' }

@@ -1,7 +1,7 @@
 -- 500 mixed parcels enter a table of 64×64 two-wheel cells in the west; each leaves in the east, through the exit of its
 -- colour: red in the north, green in the middle, blue in the south.
-local count = option('count', 500, 'parcels')
-local gap = option('gap', 0.25, 'seconds between two of them')
+local count = option('count', 500, 'parcels', { 1, 100000 })
+local gap = option('gap', 0.25, 'seconds between two of them', { 0.05, 1000 })
 local side, pitch = 64, 2
 local edge, infeeds = side * pitch, 16
 local exits = { red = { 2 / 3, 1 }, green = { 1 / 3, 2 / 3 }, blue = { 0, 1 / 3 } }

@@ -1,6 +1,6 @@
 -- Flat parts on rolling balls, turned anyhow: bars belong in the western half, plates in the eastern.
 local two_kinds = require 'two_kinds'
-local count = option('count', 6, 'parts of each kind')
+local count = option('count', 6, 'parts of each kind', { 1, 1000 })
 local n = option('n', 40, 'rows and columns')
 
 surface { rows = n, columns = n, border = { height = 3 }, actuator = ball { radius = 0.4, max_spin = 20 },

@@ -27,9 +27,10 @@ def load():
 
 
 def without_comments(text):
-    """The text of a Lua or APRON file with comments and spaces left out: what can change a result."""
+    """The text of a Lua or APRON file with comments, spaces and ranges of options left out: what can change a result."""
     text = re.sub(r"--\[\[.*?\]\]|--[^\n]*|//[^\n]*", "", text, flags=re.DOTALL)
-    return re.sub(r"\s+", " ", text)
+    text = re.sub(r"\s+", " ", text)
+    return re.sub(r"(\boption\([^(){}]*), \{[^{}]*\}\)", r"\1)", text)
 
 
 def digest(*texts):

@@ -1,5 +1,5 @@
 -- Rain: so many small balls fall on the table within ten seconds, and the table sheds them.
-local count = option('count', 2000, 'balls')
+local count = option('count', 2000, 'balls', { 1, 100000 })
 local n, seconds = option('n', 64, 'rows and columns'), 10
 
 world { off_table = 'remove' }

@@ -1,8 +1,8 @@
 -- A soft skin, which feels loads, hangs on 3×3 actuators half a metre apart, the corners of 2×2 modules. An apple is to go round
 -- on a circle, from module to module. Each seed is another apple: its size, its centre of mass, and where it starts.
-local modules = option('modules', 2, 'modules in a row')
+local modules = option('modules', 2, 'modules in a row', { 2, 12 })
 local tension = option('tension', 500, 'tension of the skin, N/m')
-local eccentricity = option('eccentricity', 0.05, 'greatest distance of the centre of mass from the centre, radii')
+local eccentricity = option('eccentricity', 0.05, 'greatest distance of the centre of mass from the centre, radii', { 0, 1 })
 local per_module, pitch = 20, 2.5  -- cells, cm
 local size = per_module * pitch    -- of a module
 local side, middle = modules * size, modules * size / 2

@@ -1,6 +1,6 @@
 -- Balls of two sizes, as in the case study: small ones belong in the western half, large ones in the eastern.
 local two_kinds = require 'two_kinds'
-local count = option('count', 20, 'balls of each size')
+local count = option('count', 20, 'balls of each size', { 1, 1000 })
 local n = option('n', 64, 'rows and columns')
 local stuck = option('stuck', 0.0, 'share of the pins that stand still at a height of their own')
 local dead = option('dead', 0.0, 'share of the pins that stay down')

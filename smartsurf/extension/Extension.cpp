@@ -159,8 +159,7 @@ std::vector<std::string> common_fields(const smartsurf_plugin_sensor&) {
 // The name of an actuator or sensor of the extension `file`, as messages begin with it.
 std::string subject_of(const std::string& file, const char* what, const char* name) {
   if (name == nullptr || !is_identifier(name))
-    throw common::UserError(file + ": an " + what +
-                            " of it has an invalid name: must be 1 to 27 letters, digits and _");
+    throw common::UserError(file + ": the name of its " + what + ": must be 1 to 27 letters, digits and _");
   if (scene::find_actuator_kind(name) != nullptr || scene::find_sensor_kind(name) != nullptr)
     throw common::UserError(file + ": " + what + " '" + name +
                             "': an actuator or sensor of this name exists already");

@@ -5,8 +5,8 @@
 --   scene = 'cells'     no ball: to calibrate and to identify the pillars
 --   scene = 'episodes'  an operator places the ball anew every 0.9 s, and counts `episodes` times, after the first
 world { unit = 'cm', control_period = 0.01, dt = 0.0025, seed = option('seed', 1, 'of the places of the ball') }
-local scene = option('scene', 'task', 'task, ball, cells or episodes')
-local episodes = option('episodes', 20, 'of scene episodes')
+local scene = option('scene', 'task', 'see above', { 'task', 'ball', 'cells', 'episodes' })
+local episodes = option('episodes', 20, 'of scene episodes', { 1, 100000 })
 material { name = 'foam', friction = 0.6, rolling_friction = 0.05, restitution = 0 }
 surface { rows = 16, columns = 16, pitch = 1.7, material = 'foam',
           actuator = pin { top = 1.6, range = { 0, 5.5 }, max_speed = 20, max_acceleration = 400 },

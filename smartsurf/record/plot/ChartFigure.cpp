@@ -14,7 +14,7 @@ using common::Index;
 using Mark = ChartLayer::Mark;
 
 constexpr double kLeft = 66.0, kRight = 24.0, kBottom = 52.0, kTitleHeight = 34.0;
-constexpr double kLegendRow = 20.0, kMaxLegendEntry = 180.0;
+constexpr double kLegendRow = 20.0;
 constexpr Index kMaxBins = 1440;     // two per point of width; more cannot be resolved
 constexpr double kGroupWidth = 0.8;  // of the bars of a category
 constexpr Rgba kRuleColour{0.00, 0.62, 0.45};
@@ -145,7 +145,7 @@ void ChartFigure::Panel::draw_rule(cairo_t* cr) const {
 double ChartFigure::Panel::legend_entry() const {
   std::size_t longest = 0;
   for (const LegendEntry& entry : legend) longest = std::max(longest, entry.name.size());
-  return std::min(kMaxLegendEntry, 34.0 + 6.4 * static_cast<double>(longest));
+  return std::min(axes.area().width, 34.0 + 6.4 * static_cast<double>(longest));
 }
 
 void ChartFigure::Panel::draw_legend(cairo_t* cr) const {

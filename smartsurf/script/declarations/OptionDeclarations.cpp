@@ -83,16 +83,75 @@ void push_option_value(ScriptContext& context, lua_State* L, const std::string& 
     lua_pushlstring(L, text->data(), text->size());
 }
 
+// What the fourth argument allows: {low, high} of a number, which is whole if the default is, or the strings
+// of which the option is one.
+struct Allowed {
+  std::vector<double> ends = {};
+  std::vector<std::string> words = {};
+  bool is_whole = false;
+};
+
+Allowed check_allowed(lua_State* L, const std::string& name) {
+  const bool is_number = lua_type(L, 2) == LUA_TNUMBER;
+  const std::string what = "option '" + name + "': " + (is_number ? "range" : "choice"),
+                    requirement = is_number ? "{low, high}" : "a list of strings, {'one', 'two'}";
+  if (lua_type(L, 2) == LUA_TBOOLEAN) throw_invalid_value(L, 4, what, "left out: true or false is one");
+  Allowed a;
+  if (is_number) {
+    a.ends = check_numbers(L, 4, what, 2, requirement);
+    if (a.ends[0] > a.ends[1])
+      throw ScriptError(what + ": low = " + format_value(a.ends[0]) +
+                        " is above high = " + format_value(a.ends[1]));
+    a.is_whole = lua_isinteger(L, 2) != 0;
+    return a;
+  }
+  if (!lua_istable(L, 4) || lua_rawlen(L, 4) == 0) throw_invalid_value(L, 4, what, requirement);
+  for_each_element(L, 4, what, [&](int i, const std::string& element) {
+    a.words.push_back(to_single_line(check_string(L, i, element)));
+  });
+  return a;
+}
+
+std::string to_text(const Allowed& a) {
+  return a.words.empty() ? format_value(a.ends[0]) + " to " + format_value(a.ends[1]) : join_names(a.words);
+}
+
+// The option's value is on top of the stack; a float that is whole, as 20.0, becomes an integer.
+void require_allowed(ScriptContext& context, lua_State* L, const std::string& name, const Allowed& a) {
+  bool is_allowed = false;
+  if (a.words.empty()) {
+    const double value = lua_tonumber(L, -1);
+    is_allowed = a.ends[0] <= value && value <= a.ends[1] && (!a.is_whole || value == std::floor(value));
+    if (is_allowed && a.is_whole) {
+      lua_pushinteger(L, lua_tointeger(L, -1));
+      lua_replace(L, -2);
+    }
+  } else {
+    is_allowed = std::ranges::find(a.words, lua_tostring(L, -1)) != a.words.end();
+  }
+  if (is_allowed) return;
+  const std::string requirement =
+      (a.words.empty() ? a.is_whole ? "a whole number, " : "" : "one of ") + to_text(a);
+  if (const std::string* const text = find_override(context, name))
+    throw_option_error(L, name, *text, requirement);
+  throw_invalid_value(L, 2, "option '" + name + "': default", requirement);
+}
+
 int option(ScriptContext& context, lua_State* L) {
   require_loading(context, "option");
-  lua_settop(L, 3);
+  lua_settop(L, 4);
   const std::string name = check_string(L, 1, "option: name");
   if (!is_option_name(name))
     throw_invalid_value(L, 1, "option: name", "letters, digits, _ and -, a letter first");
-  const std::string help = lua_isnil(L, 3) ? "" : check_string(L, 3, "option '" + name + "': help");
+  std::string help = lua_isnil(L, 3) ? "" : check_string(L, 3, "option '" + name + "': help");
   declare_once(context, L, "option '" + name + "'");
   if (context.spec.options.size() >= kMaxOptions) throw ScriptError("option: more than 1000 options");
   push_option_value(context, L, name);
+  if (!lua_isnil(L, 4)) {
+    const Allowed allowed = check_allowed(L, name);
+    require_allowed(context, L, name, allowed);
+    help += (help.empty() ? "" : "; ") + to_text(allowed);
+  }
   std::size_t length = 0;
   const char* const text = luaL_tolstring(L, -1, &length);
   context.spec.options.push_back({name, std::string(text, length), help});

@@ -1,4 +1,5 @@
 """Invalid input: one line on stderr, exit status 2, and no partial output files."""
+import re
 import resource
 import shutil
 
@@ -38,6 +39,42 @@ class Mistakes(ProgramTest):
             path = self.write("wrong.lua", text)
             self.refused([SMARTSURF, "check", path], "wrong.lua", *facts)
             self.refused([SMARTSURF, "run", path, "--no-controller", "--ticks", "1"], "wrong.lua", *facts)
+
+    def test_options_out_of_their_range(self):
+        for declared, given, fact in [
+            ("'n', 20, 'balls', {1, 100}", "0", "option 'n': --set n=0: must be a whole number, 1 to 100 (default 20)"),
+            ("'n', 20, 'balls', {1, 100}", "0.5", "must be a whole number, 1 to 100 (default 20)"),
+            ("'n', 20, 'balls', {1, 100}", "9223372036854775807", "must be a whole number, 1 to 100"),
+            ("'n', 1.5, 's', {0.5, 1e3}", "-1", "option 'n': --set n=-1: must be 0.5 to 1000 (default 1.5)"),
+            ("'n', 'a', 'kind', {'a', 'b'}", "c", "option 'n': --set n=c: must be one of a, b (default 'a')"),
+            ("'n', 20, 'balls', {30, 100}", "", "option 'n': default = 20: must be a whole number, 30 to 100"),
+            ("'n', 20, 'balls', {100, 1}", "", "option 'n': range: low = 100 is above high = 1"),
+            ("'n', 20, 'balls', {1}", "", "option 'n': range = a table of 1 values: must be {low, high}"),
+            ("'n', 20, 'balls', {1, 1/0}", "", "option 'n': range[2] = inf: must be finite"),
+            ("'n', 'a', 'kind', {}", "", "option 'n': choice = a table: must be a list of strings, {'one', 'two'}"),
+            ("'n', 'a', 'kind', {1}", "", "option 'n': choice[1] = 1: must be a string"),
+            ("'n', true, '', {true}", "", "option 'n': choice = a table: must be left out: true or false is one"),
+        ]:
+            path = self.write("wrong.lua", f"{TABLE}local n = option({declared})\n")
+            self.refused([SMARTSURF, "check", path, *(["--set", f"n={given}"] if given else [])], "wrong.lua:2: ", fact)
+        path = self.write("right.lua", TABLE + "local n = option('n', 20, 'balls', {1, 100})\nprint(math.type(n), n)\n")
+        for given in ("1", "100", "7.0"):
+            status, out, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--set", f"n={given}")
+            self.assertEqual((status, out), (0, f"integer\t{float(given):.0f}\n"), err)
+        status, out, err = self.run_program(SMARTSURF, "run", path, "--help")
+        self.assertIn("n = 20                      balls; 1 to 100\n", out)
+
+    def test_shipped_scripts_refuse_nonsense_in_every_option(self):
+        count = 0
+        for script in sorted((ROOT / "scripts").rglob("*.lua")):
+            _, listed, _ = self.run_program(SMARTSURF, "run", str(script), "--help")
+            for name in re.findall(r"^  (\w+) = ", listed.partition("\nOptions of ")[2], re.MULTILINE):
+                for value in ("-1e18", "1e18", "nan", "no such"):
+                    if name == "known" or (name, value) == ("seed", "1e18"):  # a file; a seed like any other
+                        continue
+                    count += 1
+                    self.refused([SMARTSURF, "check", str(script), "--set", f"{name}={value}"], ".lua:")
+        self.assertGreater(count, 250)
 
     def test_failing_script_keeps_recording(self):
         path = self.write("late.lua", TABLE + "at(0.5, function()\n  local x = nil + 1\nend)\n")

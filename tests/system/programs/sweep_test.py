@@ -3,17 +3,20 @@ import concurrent.futures
 import csv
 import fcntl
 import functools
+import importlib.machinery
+import importlib.util
 import math
 import multiprocessing
 import pickle
 import random
+import re
 import shutil
 import sys
 
 from programs import *
 
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
-from smartsurf.run import RunError, run  # noqa: E402
+from smartsurf.run import RunError, plot, run  # noqa: E402
 from smartsurf.success import success_curve, time_of_share  # noqa: E402
 from smartsurf.sweep import quantile, samples, wilson  # noqa: E402
 
@@ -440,6 +443,39 @@ exec {APRON} run {idle} --shm "$2"
         self.assertGreaterEqual(drawing.count("rgb(49.80"), 7)
         self.assertGreaterEqual(drawing.count("rgb(0%,44.70"), 4)
 
+    def test_plot_has_the_medians_of_the_summary_and_names_what_differs(self):
+        loader = importlib.machinery.SourceFileLoader("sweep_script", SWEEP)
+        sweep = importlib.util.module_from_spec(importlib.util.spec_from_loader("sweep_script", loader))
+        loader.exec_module(sweep)
+        charts = []
+        sweep.draw_chart = lambda chart, *_: charts.append(chart)
+
+        class Run:
+            def __init__(self, seed, time, b):
+                self.seed, self.options, self.time = seed, (("x", "1"), ("same", "7"), ("b", b)), time
+
+            def status(self):
+                return 0
+
+            def figures(self):
+                return {"success": int(self.time is not None), "success_s": self.time, "simulated_s": 9.0}
+        # Of four runs half have succeeded when the second has.
+        runs = [Run(seed, time, b) for b in "12" for seed, time in enumerate((1.0, 2.0, 3.0, None))]
+        sweep.plot(runs, "x", "success_s", 9.0, self.folder, SMARTSURF)
+        medians = [layer for layer in charts[0]["layers"] if layer["mark"] == "line"]
+        self.assertEqual([layer["y"] for layer in medians], [[2.0], [2.0]])
+        self.assertEqual([layer["name"] for layer in medians], ["b = 1: median", "b = 2: median"])
+        sweep.plot_success(runs, 9.0, self.folder, SMARTSURF)
+        self.assertEqual([layer["name"] for layer in charts[1]["layers"] if "name" in layer], ["b = 1", "b = 2"])
+
+    def test_a_legend_has_room_for_its_names(self):
+        heights = []
+        for name in ("runs", "small = 3, pin_speed = 4, large = 5: runs"):
+            file = self.folder / "chart.svg"
+            plot({"layers": [{"mark": "line", "name": f"{name} {i}", "x": [0, 1], "y": [0, 1]} for i in range(3)]}, file, SMARTSURF)
+            heights.append(float(re.search(r'height="([\d.]+)', file.read_text())[1]))
+        self.assertGreater(heights[1], heights[0] + 15, "a name of three does not fit into a third of the width")
+
     def test_plot_says_which_runs_it_leaves_out(self):
         self.write("table.lua", """
             local seed = option('number', 1, 'a number')
@@ -469,6 +505,9 @@ exec {APRON} run {idle} --shm "$2"
                 (("--jobs", "0"), "sweep: --jobs 0: must be a whole number from 1"),
                 (("--set", "runs=1,2"), "sweep: --set runs=1,2: the tables have a column 'runs' of their own: name the option otherwise"),
                 (("--set", "weigth=1"), "did you mean 'weight'?"),
+                (("--until", "nan"), "sweep: --until nan: must be a number of seconds greater than 0, at most 1e9"),
+                (("--until", "-1"), "sweep: --until -1: must be a number of seconds greater than 0, at most 1e9"),
+                (("--success", "won"), "sweep: --success won: no such figure; there are mode, "),
                 (("--x", "size"), "sweep: --x size: must be seed or one of the options of --set (none given)")):
             status, _, err = self.sweep(*arguments)
             self.assertEqual(status, 2, arguments)

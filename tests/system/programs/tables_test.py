@@ -57,6 +57,11 @@ class Tables(unittest.TestCase):
         self.assertEqual(plan.without_comments(scene), plan.without_comments("local n = 3\nsurface { rows = n } -- all\n"))
         self.assertNotEqual(plan.without_comments(scene), plan.without_comments(scene.replace("3", "4")))
 
+    def test_a_range_of_an_option_does_not_change_a_scene_and_a_default_does(self):
+        scene = "local n, m = option('n', 3, 'rows', { 1, 9 }), option('m', 1.5)\n"
+        self.assertEqual(plan.without_comments(scene), plan.without_comments("local n, m = option('n', 3, 'rows'), option('m', 1.5)\n"))
+        self.assertNotEqual(plan.without_comments(scene), plan.without_comments(scene.replace("3", "4")))
+
 
 class Reproducing(unittest.TestCase):
     """docs/reproducing.md lists every table and picture, and a table of another physics is found."""
@@ -68,6 +73,25 @@ class Reproducing(unittest.TestCase):
         cls.reproduce = importlib.util.module_from_spec(spec)
         loader.exec_module(cls.reproduce)
         cls.tables = cls.reproduce.listing()["table"]
+
+    def test_what_writes_a_table_writes_its_processor_time(self):
+        # These make a table in parts, or are no Python: scripts/reproduce measures them.
+        others = {"scripts/learn/table", "scripts/learn/curves", "scripts/truth", "scripts/tasks/engines", "scripts/bench", "scripts/hardware/blind",
+                  "scripts/hardware/loop/loop", "scripts/check-bare-machine", "scripts/check-faults", "scripts/check-arm"}
+        commands = {table["command"].split()[0] for table in self.tables}
+        without = {name for name in commands if not re.search(r"built\.(write_block|stamp)\(", (ROOT / name).read_text())}
+        self.assertEqual(without, others)
+        with tempfile.TemporaryDirectory() as folder:
+            script = (f"import pathlib, sys; sys.path.insert(0, {str(ROOT / 'scripts')!r}); import built; built.ROOT = pathlib.Path({folder!r})\n"
+                      "while built.processor_time() < 0.6: pass\nbuilt.write_block('a.md', 'x', '| 1 |')")
+            page = pathlib.Path(folder) / "docs/a.md"
+            page.parent.mkdir()
+            page.write_text("# A\n\n<!-- x: written by me -->\n\n| 0 |\n\n<!-- end of x -->\n\nEnd\n")
+            subprocess.run([sys.executable, "-B", "-c", script], check=True)
+            text = page.read_text()
+            self.assertEqual(text, "# A\n\n<!-- x: written by me -->\n\n| 1 |\n\n<!-- reproduced: physics none, processor time 1 -->\n\n"
+                                   "<!-- end of x -->\n\nEnd\n")
+            self.assertEqual(self.reproduce.made_by(text), (("none"), "1"))
 
     def stale(self, docs):
         """The tables of a folder of pages that another physics made, or none knows which, and that do not say so."""

@@ -125,6 +125,26 @@ class Nuisances(ProgramTest):
             self.assertAlmostEqual(metrics(vary)["pushed"], 0.1 / mass, delta=0.02 * 0.1 / mass)
         self.assertAlmostEqual(declared["pushed"], 0.1 / ball, delta=0.02 * 0.1 / ball)
 
+    def test_a_factor_of_errors_changes_the_sensors_that_have_one(self):
+        experiment = self.write("noisy.lua", """
+            surface { rows = 8, columns = 8, sensors = { proximity { range = 8, noise = 0.01 }, pin_height {} } }
+            sphere { radius = 4, position = {3.5, 3.5, 6}, fixed = true }
+            local function worst(channel)
+              local greatest = 0
+              for row = 1, 8 do
+                for column = 1, 8 do
+                  local error = math.abs(cells:sense(channel, row, column) - cells:truth(channel, row, column))
+                  if error < 4 then greatest = math.max(greatest, error) end
+                end
+              end
+              return greatest
+            end
+            on_finish(function() metric('near', worst('proximity')) metric('pins', worst('pin_height')) end)
+            """)
+        declared, tenfold = (self.stats(experiment, "--until", "0.2", *flags)["metrics"] for flags in ((), ("--vary", "sensor_noise=10:factor")))
+        self.assertAlmostEqual(tenfold["near"], 10 * declared["near"], delta=0.1 * tenfold["near"])
+        self.assertEqual([declared["pins"], tenfold["pins"]], [0, 0])
+
     def test_recordings_know_them_and_repeat_them(self):
         experiment = self.write("draws.lua", DRAWS.replace("VARY", "vary { friction = {0.5, 1.5, 'factor'}, size = {0.8, 1.2, 'factor'} }"))
         stats = self.stats(experiment, "--vary", "mass=1:3", "--ticks", "60", "--record", "run.h5")
@@ -151,6 +171,8 @@ class Nuisances(ProgramTest):
                 ("", "size = {0.5, 1}", "vary.size: must be a 'factor'"),
                 ("", "latency = {0, 1.5}", "vary.latency: must have whole numbers"),
                 ("", "gravity = {-10, -9}", "vary.gravity: is a vector: must be a 'factor'"),
+                ("", "sensor_latency = {0, 1e30}", "vary.sensor_latency: faults.sensor.latency = 9.00719925474e+15: must be in [0, 100]"),
+                ("", "sensor_noise = {1, 2, 'factor'}", "vary.sensor_noise: the script declares no value for a 'factor' or an 'offset'"),
                 ("", "stuck = {0, 2}", "vary.stuck: faults.actuator.stuck = 2: must be in [0, 1]"),
                 ("", "stuck = {0, 0.6}, dead = {0, 0.6}", "vary.stuck: faults.actuator: stuck, dead and weak add up to 1.2 of the cells"),
                 ("", "['faults.height.stuck'] = {0, 1}", "is a value of each cell"),
