@@ -220,7 +220,7 @@ class Refusals(Installed):
     def test_names(self):
         self.assertIn("actuator 'pin': an actuator or sensor of this name exists already",
                       self.refuse("belt.c", ('.name = "belt"', '.name = "pin"')))
-        self.assertIn("has an invalid name", self.refuse("belt.c", ('.name = "belt"', '.name = "my belt"')))
+        self.assertIn("the name of its actuator: must be 1 to 27", self.refuse("belt.c", ('.name = "belt"', '.name = "my belt"')))
         for name in ("latency", "position", "max_acceleration", "max_acceleration.x"):
             self.assertIn("'belt' has two fields '", self.refuse("belt.c", ('"max_speed"', f'"{name}"')))
         for name in ("noise", "name"):
