@@ -50,7 +50,7 @@ class Replay(ProgramTest):
         recording = self.record_wave()
         with h5py.File(recording, "r+") as file:
             text = file["meta"].attrs["experiment"]
-            file["meta"].attrs["experiment"] = text.replace("'amplitude', 1", "'amplitude', 1.001")
+            file["meta"].attrs["experiment"] = text.replace("'amplitude', 1.0,", "'amplitude', 1.001,")
         status, _, err = self.verify(recording)
         self.assertEqual(status, 1)
         self.assertRegex(err, "differs at tick [1-9]")
