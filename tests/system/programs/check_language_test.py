@@ -48,7 +48,8 @@ class CheckLanguage(ProgramTest):
         tree = self.folder / "tree"
         for folder in ("scripts", "docs"):
             (tree / folder).mkdir(parents=True)
-        (tree / "scripts/check-language").write_text((ROOT / "scripts/check-language").read_text())
+        for script in ("check-language", "built.py"):
+            (tree / "scripts" / script).write_text((ROOT / "scripts" / script).read_text())
         (tree / "docs/reliability.md").write_text((ROOT / "docs/reliability.md").read_text())
         bin_folder = self.folder / "bin"
         self.check("--minutes", "0", "--only", "c")
