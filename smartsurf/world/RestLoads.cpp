@@ -56,7 +56,8 @@ void RestLoads::find_touches(const BodyStore& bodies, const ContactList& pair_co
 }
 
 std::span<const RestLoads::Touch> RestLoads::touches_of(std::int32_t body) const {
-  return std::ranges::equal_range(touches_, body, {}, &Touch::sleeper);
+  const auto begin = std::ranges::lower_bound(touches_, body, {}, &Touch::sleeper);
+  return {begin, std::ranges::upper_bound(begin, touches_.end(), body, {}, &Touch::sleeper)};
 }
 
 // What lies on a large island has yet to fall asleep, or goes away: then its loads change again.
