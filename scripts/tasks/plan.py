@@ -26,7 +26,7 @@ def load():
         return tomllib.load(file)
 
 
-def without_comments(text):
+def what_counts(text):
     """The text of a Lua or APRON file with comments, spaces and ranges of options left out: what can change a result."""
     text = re.sub(r"--\[\[.*?\]\]|--[^\n]*|//[^\n]*", "", text, flags=re.DOTALL)
     text = re.sub(r"\s+", " ", text)
@@ -54,7 +54,7 @@ def scene_files():
 
 
 def scene_digests():
-    return {name: digest(*(without_comments(path.read_text()) for path in files)) for name, files in scene_files().items()}
+    return {name: digest(*(what_counts(path.read_text()) for path in files)) for name, files in scene_files().items()}
 
 
 def table_programs_digest(name):
@@ -65,7 +65,7 @@ def table_programs_digest(name):
     files = []
     for program in programs:
         with_included(program, files)
-    return digest(*(without_comments(file.read_text()) for file in files))
+    return digest(*(what_counts(file.read_text()) for file in files))
 
 
 def section_digest(name):

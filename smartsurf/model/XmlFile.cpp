@@ -122,7 +122,8 @@ double Element::uniform_scale() const {
 
 XmlFile::XmlFile(const std::string& text, std::string file, const char* root_tag) : file_(std::move(file)) {
   if (const std::size_t line = line_of_many_attributes(text); line > 0)
-    throw scene::InputError(file_ + ":" + std::to_string(line) + ": has more than 1000 attributes");
+    throw scene::InputError(file_ + ":" + std::to_string(line) + ": an element has more than " +
+                            std::to_string(kMaxAttributes) + " attributes");
   if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
     const bool is_deep = document_.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED;
     throw scene::InputError(

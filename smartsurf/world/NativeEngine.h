@@ -59,6 +59,7 @@ class NativeEngine final : public Engine {
     std::size_t contacts = 0;  // points in contact lists
   };
   StepWork step_work() const;
+  // Passes over islands of sleepers to find their loads at rest, in bodies, since the start.
   std::size_t rest_load_work() const { return sleep_.rest_loads().work(); }
   int sleeping_count() const override { return sleep_.sleeping_count(); }
   void snapshot(scene::Snapshot&, bool with_hash) const override;

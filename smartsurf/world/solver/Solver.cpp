@@ -404,12 +404,8 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
                            inverse_inertia_[row]);
   };
   for (SupportBatch& batch : context.supports) {
-    const auto for_each = [&](auto each) {
-      for (int lane = 0; lane < kLanes; ++lane)
-        if (batch.patch[lane] != nullptr) each(*batch.list[lane], *batch.patch[lane], lane);
-    };
     if (support_stage == SupportStage::kWarmStart) {
-      for_each([&](SupportPatches&, SupportPatch& p, int) {
+      batch.for_each([&](SupportPatches&, SupportPatch& p, int) {
         if (p.is_elastic) warm_start_springs(p, velocity_[p.row], inverse_inertia_[p.row]);
         warm_start_support(p, velocity_[p.row], inverse_inertia_[p.row]);
       });
@@ -419,19 +415,19 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
       if (batch.any_in_lanes)
         support_kernels().solve_points(batch.lanes, batch_points(), static_params, is_soft, velocity_.data(),
                                        delta_pose_.data(), inverse_inertia_.data());
-      if (!batch.any_single) return;
-      for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
+      if (!batch.any_alone) return;
+      batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
         if (batch.lanes.points[lane] == 0) solve_points_of(list, p);
       });
     };
     solve_points();
-    for_each([&](SupportPatches& list, SupportPatch& p, int) {
+    batch.for_each([&](SupportPatches& list, SupportPatch& p, int) {
       solve_support(list, p, batch_points(), is_soft, velocity_[p.row], inverse_inertia_[p.row]);
     });
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
     if (!is_soft) solve_points();
-    if (!batch.any_single) continue;
-    for_each([&](SupportPatches& list, SupportPatch& p, int) {
+    if (!batch.any_alone) continue;
+    batch.for_each([&](SupportPatches& list, SupportPatch& p, int) {
       if (!is_soft) share_loads(list, p, batch_points());
       if (p.is_elastic) end_spring_stage(list, p, is_soft, velocity_[p.row]);
     });
@@ -494,8 +490,8 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
 template <class Each>
 void Solver::for_each_own_support(const StepContext& context, Each each) {
   for (SupportBatch& batch : context.supports)
-    for (int lane = 0; lane < kLanes; ++lane)
-      if (batch.patch[lane] != nullptr) each(*batch.list[lane], *batch.patch[lane], batch.contacts[lane]);
+    batch.for_each(
+        [&](SupportPatches& list, SupportPatch& p, int lane) { each(list, p, batch.contacts[lane]); });
 }
 
 void Solver::collect_supports(StepContext& context, const Member& member) {
@@ -514,13 +510,13 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
       batch.list[lane] = &list, batch.patch[lane] = &p;
       batch.contacts[lane] = context.input.static_contacts.contacts_of(
           context.input.static_contacts.manifolds[graph_.manifold(index, lane)]);
-      const bool is_single = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints;
-      (is_single ? batch.any_single : batch.any_in_lanes) = true;
-      if (is_single) continue;
+      const bool is_alone = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints;
+      (is_alone ? batch.any_alone : batch.any_in_lanes) = true;
+      if (is_alone) continue;
       for (const std::int32_t k : support::points_of(list, p))
         batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
     }
-    if (batch.any_single || batch.any_in_lanes) context.supports.push_back(batch);
+    if (batch.any_alone || batch.any_in_lanes) context.supports.push_back(batch);
   };
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; run.kind == kGeneralStatic && i < run.first + run.count; ++i) add(i);

@@ -247,7 +247,7 @@ TEST_F(ModelsTest, HostileFilesAreRefused) {
   EXPECT_EQ(mjcf_error(many), "t.lua:2: m.xml:1: has more than 100000 elements");
   std::string wide = "<body";  // each attribute is compared with all before it
   for (int i = 0; i < 1001; ++i) wide += " a" + std::to_string(i) + "='<!-- \"'";
-  EXPECT_EQ(mjcf_error(wide + "/>"), "t.lua:2: m.xml:2: has more than 1000 attributes");
+  EXPECT_EQ(mjcf_error(wide + "/>"), "t.lua:2: m.xml:2: an element has more than 1000 attributes");
   const std::string whole = "<robot name='r'>" + std::string(kLink) + "</robot>";
   for (std::size_t length = 0; length < whole.size(); length += 7) {
     write("m.xml", whole.substr(0, length));
