@@ -46,6 +46,24 @@ float CollisionPipeline::travel_of(const BodyStore& bodies, std::size_t i) const
   return speed * dt_s_;
 }
 
+bool CollisionPipeline::has_room(const BodyStore& bodies, std::size_t body, std::int32_t partner,
+                                 float reach) const {
+  const Vec3& at = bodies.position[body];
+  const Vec3 half = Vec3::Constant(bodies.bounding_radius[body] + reach);
+  if ((at - half).z() < ground_height_ || collider_.may_overlap(at - half, at + half)) return false;
+  bool found = false;
+  const auto test = [&](std::int32_t other) {
+    if (other == partner || other == static_cast<std::int32_t>(body)) return;
+    const float distance = half.x() + bodies.bounding_radius[other] + travel_[other];
+    found |= (bodies.position[other] - at).squaredNorm() < distance * distance;
+  };
+  for (const UniformGrid* grid : std::initializer_list<const UniformGrid*>{grid_, &sleeper_grid_}) {
+    grid->for_each_in_box(at - half, at + half, test);
+    std::ranges::for_each(grid->large_bodies(), test);
+  }
+  return !found;
+}
+
 float CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
   float max_travel = 0.0F;
   for (const std::int32_t i : own) {

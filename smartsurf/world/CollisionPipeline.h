@@ -50,6 +50,9 @@ class CollisionPipeline {
   // all members.
   void update_broadphase(const BodyStore&, const Member&);
 
+  // Whether nothing but the body `partner` comes within `reach` of the body's bounding sphere in the step.
+  bool has_room(const BodyStore&, std::size_t body, std::int32_t partner, float reach) const;
+
   // The bodies of a member: those in its slabs in the previous step, which are still in its cache, or an even
   // share by index if there is no previous step. Every body belongs to exactly one member.
   std::span<const std::int32_t> own_bodies(const Member&) const;

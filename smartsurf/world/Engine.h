@@ -28,6 +28,11 @@ struct ContactPoint {
   std::optional<scene::ObjectId> other;  // absent: a cell or the ground
 };
 
+// Of a step's substeps, from the start of the step, s.
+inline float mean_substep_start(float dt_s, int substeps) {
+  return 0.5F * dt_s * static_cast<float>(substeps - 1) / static_cast<float>(substeps);
+}
+
 class Engine {
  public:
   Engine() = default;
@@ -65,7 +70,9 @@ class Engine {
   virtual void set_spring(scene::JointId, const scene::JointSpring&) = 0;
   virtual scene::JointState joint_state(scene::JointId) const = 0;
 
-  // The live objects, for actuators. Valid until the next step or until objects are added, removed or placed.
+  // The live objects, for actuators, in the poses to which their velocities take them by the mean of the
+  // times at which the substeps begin: with the forces there, a swing in a field keeps its energy. Valid
+  // until the next step or until objects are added, removed or placed.
   virtual surface::BodyView bodies() const = 0;
   // External force and torque on each body during the next step, in the order of bodies(); reset to zero
   // after it. A nonzero wrench wakes its body.

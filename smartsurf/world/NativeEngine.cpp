@@ -145,21 +145,19 @@ scene::JointState NativeEngine::joint_state(scene::JointId id) const {
 }
 
 surface::BodyView NativeEngine::bodies() const {
-  scene_velocity_.resize(bodies_.id.size());
-  angular_velocity_.resize(bodies_.id.size());
-  for (std::size_t i = 0; i < scene_velocity_.size(); ++i) {
-    scene_velocity_[i] = unit_.to_scene(bodies_.origin_velocity(i));
+  const std::size_t count = bodies_.id.size();
+  for (std::vector<Vec3>* of_all : {&scene_position_, &scene_velocity_, &angular_velocity_})
+    of_all->resize(count);
+  orientation_.resize(count);
+  const float lead_s = mean_substep_start(settings_.dt_s, settings_.substeps);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3 velocity = bodies_.origin_velocity(i);
+    scene_velocity_[i] = unit_.to_scene(velocity);
+    scene_position_[i] = unit_.to_scene(Vec3(bodies_.origin(i) + lead_s * velocity));
     angular_velocity_[i] = bodies_.angular_velocity(i);
+    orientation_[i] = rotation_from_vector(lead_s * angular_velocity_[i]) * bodies_.orientation[i];
   }
-  const bool are_scene_positions = unit_.is_one() && !bodies_.has_offsets;
-  if (!are_scene_positions) {
-    scene_position_.clear();
-    for (std::size_t i = 0; i < bodies_.id.size(); ++i)
-      scene_position_.push_back(unit_.to_scene(bodies_.origin(i)));
-  }
-  return {bodies_.id,          are_scene_positions ? bodies_.position : scene_position_,
-          bodies_.orientation, scene_velocity_,
-          angular_velocity_,   bodies_.mass};
+  return {bodies_.id, scene_position_, orientation_, scene_velocity_, angular_velocity_, bodies_.mass};
 }
 
 std::span<surface::Wrench> NativeEngine::wrenches() {

@@ -32,7 +32,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics20"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics21"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;
@@ -178,8 +178,9 @@ class NativeEngine final : public Engine {
   mutable FieldHasher field_hasher_;
   bool field_moved_ = false;  // in the last step: at its end cells may stand elsewhere, or be about to stop
   mutable bool field_changed_ = true;  // heights or speeds, since they were hashed
-  // Storage behind bodies(), in scene units. Positions only where they are not those in the store.
+  // Storage behind bodies(), in scene units.
   mutable std::vector<Vec3> scene_position_, scene_velocity_, angular_velocity_;
+  mutable std::vector<Quat> orientation_;
 };
 
 template <class Each>

@@ -229,11 +229,15 @@ void NativeEngine::collect_skin_contacts() {
 // ---- motion
 
 void NativeEngine::solve(const Member& member) {
-  solver_->step(bodies_,
-                {collision_.partition(), pair_contacts_, static_contacts_, collision_.pair_ranges(),
-                 collision_.static_ranges(), collision_.supports(), force_limits_.limits(), has_wrenches_,
-                 joints_, tips_, elastic_skin_, !field_.surface_spin.empty(), jam_relief_.min_depth()},
-                member);
+  const ImpactSolver::HasRoom has_room = [this](std::int32_t body, std::int32_t partner, float reach) {
+    return collision_.has_room(bodies_, static_cast<std::size_t>(body), partner, reach);
+  };
+  solver_->step(
+      bodies_,
+      {collision_.partition(), pair_contacts_, static_contacts_, collision_.pair_ranges(),
+       collision_.static_ranges(), collision_.supports(), force_limits_.limits(), has_wrenches_, joints_,
+       tips_, elastic_skin_, has_room, !field_.surface_spin.empty(), jam_relief_.min_depth()},
+      member);
 }
 
 // A body that was swept against others may still enter one: once it has hit something it moves on another

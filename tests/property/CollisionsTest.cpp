@@ -1,7 +1,12 @@
-// Collisions of spheres against closed forms: restitution, mass ratios, oblique impact.
+// Collisions against closed forms: of spheres, restitution, mass ratios, oblique impact; of all shapes, the
+// laws of momentum.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <vector>
 
 #include "tests/property/PhysicsFixture.h"
 
@@ -123,5 +128,105 @@ TEST(Collision, RockingSphereInGroove) {
       last = height, height = 0;
     });
     EXPECT_GT(blows, 2) << radius;
+  }
+}
+
+namespace {
+
+using Eigen::Vector3d;
+
+struct SolidBody {
+  smartsurf::scene::ObjectSpec spec;
+  double radius;               // of the bounding sphere, u
+  Vector3d principal_moments;  // per mass, u²
+};
+
+template <class Draw>
+SolidBody draw_body(const Draw& draw) {
+  const double kind = draw(0, 3), r = draw(0.3, 1), h = draw(0.4, 2);
+  const Vector3d size(draw(0.5, 2), draw(0.5, 2), draw(0.5, 2)), squares = size.cwiseAbs2();
+  if (kind < 1) return {sphere(r, {0, 0, 0}), r, Vector3d::Constant(0.4 * r * r)};
+  if (kind < 2)
+    return {box(size, {0, 0, 0}), size.norm() / 2, (Vector3d::Constant(squares.sum()) - squares) / 12};
+  return {cylinder(r, h, {0, 0, 0}),
+          std::hypot(r, h / 2),
+          {(3 * r * r + h * h) / 12, (3 * r * r + h * h) / 12, r * r / 2}};
+}
+
+template <class Draw>
+Vector3d draw_direction(const Draw& draw) {
+  const double z = draw(-1, 1), angle = draw(0, 2 * M_PI), across = std::sqrt(1 - z * z);
+  return {across * std::cos(angle), across * std::sin(angle), z};
+}
+
+// Two bodies that spin meet off-centre in free flight, at 2 to 16 u/s. The change of their angular momentum
+// about a point that moves with neither, relative to the sum of its parts.
+std::vector<double> changes_of_angular_momentum(double restitution, double dt_s, int draws) {
+  std::vector<double> changes;
+  for_random_fixtures(7, draws, dt_s, [&](PhysicsFixture& fixture, const auto& draw) {
+    fixture.scene.world.gravity = {0, 0, 0};
+    fixture.scene.materials[0].restitution = restitution;
+    fixture.scene.materials[0].friction = draw(0, 1);
+    SolidBody bodies[] = {draw_body(draw), draw_body(draw)};
+    const Vector3d centre(15, 15, 12), along = draw_direction(draw),
+                                       aside = along.cross(draw_direction(draw));
+    const double radii = bodies[0].radius + bodies[1].radius, gap = draw(0.3, 0.7), speed = draw(2, 16),
+                 share = draw(0, 1);
+    bodies[0].spec.position = centre;
+    bodies[1].spec.position = centre + (radii + gap) * along + draw(0, 0.6) * radii * aside;
+    bodies[0].spec.velocity = speed * share * along;
+    bodies[1].spec.velocity = -speed * (1 - share) * along;
+    for (SolidBody& b : bodies) {
+      b.spec.mass = std::pow(10.0, draw(-0.5, 0.5));
+      b.spec.orientation = Eigen::AngleAxisd(draw(0, 3), draw_direction(draw));
+      b.spec.angular_velocity = draw(0, 10) * draw_direction(draw);
+      fixture.add(b.spec);
+    }
+    double scale = 0;
+    const auto angular_momentum = [&] {
+      Vector3d sum(0, 0, 0);
+      scale = 0;
+      for (smartsurf::scene::ObjectId i = 0; i < 2; ++i) {
+        const auto state = fixture.world().state(i);
+        const Eigen::Matrix3d axes(state.orientation);
+        const double mass = *bodies[i].spec.mass;
+        const Vector3d spin = mass * (axes * bodies[i].principal_moments.asDiagonal() * axes.transpose() *
+                                      state.angular_velocity),
+                       orbit = mass * (state.position - centre).cross(state.velocity);
+        sum += spin + orbit, scale += spin.norm() + orbit.norm();
+      }
+      return sum;
+    };
+    fixture.world();
+    const Vector3d before = angular_momentum(), velocity_before = fixture.world().state(0).velocity;
+    const double scale_before = scale;
+    fixture.run(2 * (radii + gap) / speed + 0.2);
+    if ((fixture.world().state(0).velocity - velocity_before).norm() < 1e-3)
+      return;  // they passed each other
+    changes.push_back((angular_momentum() - before).norm() / scale_before);
+  });
+  std::ranges::sort(changes);
+  return changes;
+}
+
+}  // namespace
+
+TEST(Collision, ImpactsKeepTheAngularMomentum) {
+  for (const double e : {0.3, 0.7, 1.0})
+    for (const double frequency : {60, 120, 240, 960}) {
+      const auto changes = changes_of_angular_momentum(e, 1 / frequency, 120);
+      ASSERT_GT(changes.size(), 60U);
+      EXPECT_LT(changes[changes.size() / 2], 5e-4) << "e " << e << ", 1/" << frequency << " s";
+      EXPECT_LT(changes.back(), 0.02) << "e " << e << ", 1/" << frequency << " s";
+    }
+}
+
+// Their impulses are those of the substeps, with the points where the bodies were expected to meet.
+TEST(Collision, PlasticImpactsKeepTheAngularMomentum) {
+  for (const double frequency : {60, 240, 960}) {
+    const auto changes = changes_of_angular_momentum(0, 1 / frequency, 120);
+    ASSERT_GT(changes.size(), 60U);
+    EXPECT_LT(changes[changes.size() / 2], 0.15 / frequency + 2e-4) << "1/" << frequency << " s";
+    EXPECT_LT(changes.back(), 6 / frequency + 0.005) << "1/" << frequency << " s";
   }
 }

@@ -88,7 +88,7 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics20");
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics21");
   EXPECT_EQ(hash_after(3.0), 0x8a07f779a75d5c8cU);
   EXPECT_EQ(hash_of_crowd(1), 0xfb285f38cf8cf816U);
 }

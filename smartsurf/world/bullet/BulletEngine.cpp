@@ -557,7 +557,18 @@ void BulletEngine::set_spring(scene::JointId id, const scene::JointSpring& sprin
 scene::JointState BulletEngine::joint_state(scene::JointId id) const { return find_joint(id)->state(dt_s_); }
 
 surface::BodyView BulletEngine::bodies() const {
-  return {ids_, positions_, orientations_, velocities_, angular_velocities_, masses_};
+  led_positions_.resize(ids_.size()), led_orientations_.resize(ids_.size());
+  const float lead_s =
+      mean_substep_start(static_cast<float>(impl_->substep_s * impl_->substeps), impl_->substeps);
+  for (std::size_t i = 0; i < ids_.size(); ++i) {
+    const Eigen::Vector3f turn = lead_s * angular_velocities_[i];
+    led_positions_[i] = positions_[i] + lead_s * velocities_[i];
+    led_orientations_[i] = orientations_[i];
+    if (!turn.isZero(0.0F))
+      led_orientations_[i] =
+          Eigen::Quaternionf(Eigen::AngleAxisf(turn.norm(), turn.normalized())) * orientations_[i];
+  }
+  return {ids_, led_positions_, led_orientations_, velocities_, angular_velocities_, masses_};
 }
 
 void BulletEngine::apply_timed_forces() {

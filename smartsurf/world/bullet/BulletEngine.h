@@ -70,10 +70,13 @@ class BulletEngine final : public Engine {
     long steps_left;
   };
   std::vector<TimedForce> timed_forces_;
-  // One entry per live object, ascending by id; what bodies() shows.
+  // One entry per live object, ascending by id.
   std::vector<scene::ObjectId> ids_;
   std::vector<Eigen::Vector3f> positions_, velocities_, angular_velocities_;
   std::vector<Eigen::Quaternionf> orientations_;
+  // Poses of bodies().
+  mutable std::vector<Eigen::Vector3f> led_positions_;
+  mutable std::vector<Eigen::Quaternionf> led_orientations_;
   std::vector<float> masses_;
   std::vector<surface::Wrench> wrenches_;
   std::vector<ContactPoint> contacts_;  // of all substeps

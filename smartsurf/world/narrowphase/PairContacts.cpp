@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/world/narrowphase/ConvexPair.h"
 #include "smartsurf/world/narrowphase/Distance.h"
@@ -73,6 +74,44 @@ void collide_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float
   collide_convex({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
                  {*bodies.shape[b], bodies.origin(b), bodies.axes[b]},
                  margin + closing_distance(bodies, a, b, dt_s), cached_normal, out);
+}
+
+float fraction_until_contact(const Vec3& distance, float separation, float radii, const Vec3& movement) {
+  // |distance + fraction·movement| = radii
+  const float half = distance.dot(movement), gap = separation * (separation + 2.0F * radii),
+              discriminant = half * half - movement.squaredNorm() * gap;
+  if (!(half < 0.0F && discriminant > 0.0F)) return std::numeric_limits<float>::infinity();
+  return gap / (std::sqrt(discriminant) - half);
+}
+
+void predict_meetings(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s,
+                      std::span<Contact> contacts) {
+  constexpr float kMinSpeed = 0.2F;  // below it, points stay about where they are, u/s
+  const Vec3 relative_velocity = bodies.velocity(a) - bodies.velocity(b),
+             distance = bodies.position[a] - bodies.position[b];
+  const float radius_a = bodies.bounding_radius[a], radius_b = bodies.bounding_radius[b];
+  for (Contact& c : contacts) {
+    if (c.separation <= 0.0F) continue;
+    const Vec3 anchor = c.anchor + bodies.origin_offset[a];
+    const Vec3 turning =
+        bodies.angular_velocity(a).cross(anchor) - bodies.angular_velocity(b).cross(distance + anchor);
+    const float speed = -c.normal.dot(relative_velocity + turning);
+    if (speed < kMinSpeed || c.separation > speed * dt_s) continue;
+    if (bodies.is_sphere[a] && bodies.is_sphere[b]) {
+      const Vec3 movement = dt_s * relative_velocity;
+      const float fraction = fraction_until_contact(distance, c.separation, radius_a + radius_b, movement);
+      if (fraction > 1.0F) continue;
+      c.normal = (distance + fraction * movement).normalized();
+      c.anchor = -radius_a * c.normal;
+      c.separation = -fraction * c.normal.dot(movement);
+    } else {
+      c.anchor_time_s = c.separation / speed;
+      const Vec3 movement = c.anchor_time_s * relative_velocity,
+                 aside = movement - c.normal.dot(movement) * c.normal;
+      // The point is fixed on a sphere; it may be a corner of either of two other bodies.
+      if (!bodies.is_sphere[a]) c.anchor -= bodies.is_sphere[b] ? movement : Vec3(0.5F * aside);
+    }
+  }
 }
 
 void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out) {

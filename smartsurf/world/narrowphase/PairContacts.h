@@ -1,6 +1,7 @@
 // Contacts of two bodies of any shape.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/body/BodyStore.h"
@@ -18,6 +19,14 @@ void collide_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin
 // Appends the contacts of two shapes with separations up to `margin`, normals from b to a and anchors from
 // a's origin.
 void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out);
+
+// Moves the points of contacts that close within the step to where the bodies will meet, as they move now: of
+// two spheres the normal as well. Anchors are from a's origin.
+void predict_meetings(const BodyStore&, std::size_t a, std::size_t b, float dt_s, std::span<Contact>);
+
+// When spheres whose centres are at `distance` from each other touch, as a fraction of a movement relative to
+// each other; above 1 or infinite: not within it.
+float fraction_until_contact(const Vec3& distance, float separation, float radii, const Vec3& movement);
 
 // Distance by which the centres approach each other within one step, u.
 float closing_distance(const BodyStore&, std::size_t a, std::size_t b, float dt_s);

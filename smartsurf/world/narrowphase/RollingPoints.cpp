@@ -92,6 +92,7 @@ void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<s
   const bool follows_b = b && !bodies.is_static(*b) && bodies.bounding_radius[*b] < bodies.bounding_radius[a];
   const Vec3 origin_a = bodies.origin(a), origin_b = b ? bodies.origin(*b) : Vec3(Vec3::Zero());
   for (Contact& c : contacts) {
+    if (c.anchor_time_s != 0.0F) continue;  // it is elsewhere already
     const Vec3 point = origin_a + c.anchor;
     const Curvature of_a = curvature_at(bodies, a, c.anchor, c.normal);
     const Curvature of_b = b ? curvature_at(bodies, *b, point - origin_b, -c.normal) : Curvature();

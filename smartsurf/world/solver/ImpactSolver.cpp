@@ -7,6 +7,7 @@
 #include <limits>
 #include <tuple>
 
+#include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
@@ -130,17 +131,44 @@ void ImpactSolver::reset(int member_count) {
 // of the hits does not.
 void ImpactSolver::find_hits(const Step& step) {
   hits_.clear();
-  for (const MemberState& m : members_) hits_.insert(hits_.end(), m.candidates.begin(), m.candidates.end());
-  std::sort(hits_.begin(), hits_.end(), [](const Candidate& a, const Candidate& b) {
+  for (const MemberState& m : members_)
+    for (const Candidate& c : m.candidates) hits_.emplace_back(c);
+  std::sort(hits_.begin(), hits_.end(), [](const Hit& a, const Hit& b) {
     return std::tuple(!a.is_pair, a.manifold, a.contact) < std::tuple(!b.is_pair, b.manifold, b.contact);
   });
-  std::erase_if(hits_, [&](const Candidate& candidate) {
+  std::erase_if(hits_, [&](Hit& candidate) {
     const ContactList& list = step.list(candidate.is_pair);
     const Contact& c = list.contacts[candidate.contact];
     if (candidate.in_substeps) return c.total_normal_impulse <= 0.0F;
     const Manifold& m = list.manifolds[candidate.manifold];
+    if (candidate.is_pair) return !meet(step, candidate);
     return Sides(step, m, c).separation(c, step.dt_s) > 0.0F;
   });
+}
+
+// Finds when and where the bodies of a pair meet. False: they do not. The path of spheres is that of their
+// centres; other surfaces are planes meanwhile.
+bool ImpactSolver::meet(const Step& step, Hit& hit) const {
+  const ContactList& list = step.list(true);
+  const Manifold& m = list.manifolds[hit.manifold];
+  const Contact& c = list.contacts[hit.contact];
+  const Sides s(step, m, c);
+  const BodyStore& bodies = step.bodies;
+  hit.normal = c.normal;
+  const float start = std::max(c.separation, 0.0F), end = s.separation(c, step.dt_s);
+  const Vec3 movement = ConstVec(s.delta_a->translation) - ConstVec(s.delta_b->translation);
+  if (start > 0.0F && bodies.is_sphere[m.a] && bodies.is_sphere[m.b]) {
+    const Vec3 distance = bodies.position[m.a] - bodies.position[m.b];
+    const float radii = bodies.bounding_radius[m.a] + bodies.bounding_radius[m.b];
+    hit.fraction = fraction_until_contact(distance, distance.norm() - radii, radii, movement);
+    if (hit.fraction > 1.0F) return false;
+    hit.normal = (distance + hit.fraction * movement).normalized();
+  } else {
+    if (end > 0.0F) return false;
+    hit.fraction = start > 0.0F ? start / (start - end) : 0.0F;
+  }
+  hit.approach = hit.fraction * movement;
+  return true;
 }
 
 void ImpactSolver::solve(const Step& step, const Member& member) {
@@ -182,6 +210,7 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
     if (pass > 0) run_sweeps(step, member, Sweeps::kPoints, sweeps_of(points_.size()));
     for (const std::int32_t body : moved_bodies_) mark_changed(body);
     limit_energy();
+    if (generation == 0) move_on(step);
     for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
     collect_active_manifolds();
   }
@@ -240,10 +269,10 @@ void ImpactSolver::collect_active_manifolds() {
 // ---- positions: bodies that passed through each other are set back to where they touch
 
 void ImpactSolver::set_back_bodies(const Step& step) {
-  for (const Candidate& hit : hits_) {
+  for (Hit& hit : hits_) {
     if (hit.in_substeps) continue;
     const ContactList& list = step.list(hit.is_pair);
-    set_back(step, list.manifolds[hit.manifold], list.contacts[hit.contact], kMinOverlap);
+    set_back(step, list.manifolds[hit.manifold], list.contacts[hit.contact], kMinOverlap, &hit);
   }
   for (int pass = 0; pass < kMaxSetBackPasses && !changed_bodies_.empty(); ++pass) {
     collect_active_manifolds();
@@ -258,9 +287,49 @@ void ImpactSolver::set_back_bodies(const Step& step) {
   changed_bodies_.clear();
 }
 
+// Bodies that meet in flight, with nothing else about them, are not set back: they move on with their new
+// velocities from where they meet, which keeps their angular momentum.
+void ImpactSolver::move_on(const Step& step) {
+  for (std::size_t first = 0, end = 0; first < hits_.size(); first = end) {
+    while (end < hits_.size() && hits_[end].is_pair == hits_[first].is_pair &&
+           hits_[end].manifold == hits_[first].manifold)
+      ++end;
+    if (hits_[first].is_pair) move_pair_on(step, first, end);
+  }
+}
+
+// The hits [first, end) are those of a pair, and so are the points.
+void ImpactSolver::move_pair_on(const Step& step, std::size_t first, std::size_t end) {
+  const Manifold& m = step.pair_contacts.manifolds[hits_[first].manifold];
+  Vec3 by_a(0, 0, 0), by_b(0, 0, 0), turn_a(0, 0, 0), turn_b(0, 0, 0);
+  for (std::size_t k = first; k < end; ++k) {
+    const Hit& hit = hits_[k];
+    if (hit.in_substeps) continue;
+    const Point& p = points_[k];
+    by_a -= hit.set_back_a, by_b -= hit.set_back_b;
+    for (int i = 0; i < 3; ++i) {
+      const float impulse_time = (1.0F - hit.fraction) * step.dt_s * p.impulse[i];
+      by_a += impulse_time * p.velocity_a->inverse_mass * p.axis[i], turn_a += impulse_time * p.spin_a[i];
+      by_b -= impulse_time * p.velocity_b->inverse_mass * p.axis[i], turn_b -= impulse_time * p.spin_b[i];
+    }
+  }
+  const auto is_free = [&](std::int32_t body, std::int32_t other, const Vec3& by) {
+    const int row = step.partition.row(body);
+    return step.velocity[row].inverse_mass > 0.0F && !step.bodies.is_jointed[body] &&
+           step.has_room(body, other, ConstVec(step.delta_pose[row].translation).norm() + by.norm());
+  };
+  if (!is_free(m.a, m.b, by_a) || !is_free(m.b, m.a, by_b)) return;
+  const auto move = [&](std::int32_t body, const Vec3& by, const Vec3& turn) {
+    DeltaPose& delta = step.delta_pose[step.partition.row(body)];
+    Vec(delta.translation) += by, Vec(delta.rotation) += turn;
+  };
+  move(m.a, by_a, turn_a), move(m.b, by_b, turn_b);
+}
+
 // Removes what the overlap has grown by in the step, if that exceeds `min_overlap`. Each body gives way by
 // the share that it has in the approach. Not by mass: a body at rest stays where it is.
-void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap) {
+void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap,
+                            Hit* hit) {
   if (c.gives_way()) return;
   const Sides s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
@@ -275,12 +344,16 @@ void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
     if (!(a + b > 0.0F)) return;
     share_a = a / (a + b);
     if (share_a < 1.0F) {
-      Vec(s.delta_b->translation) += -(1.0F - share_a) * overlap * c.normal;
+      const Vec3 change = -(1.0F - share_a) * overlap * c.normal;
+      Vec(s.delta_b->translation) += change;
+      if (hit != nullptr) hit->set_back_b += change;
       mark_changed(m.b);
     }
   }
   if (share_a > 0.0F && s.velocity_a->inverse_mass > 0.0F) {
-    Vec(s.delta_a->translation) += share_a * overlap * c.normal;
+    const Vec3 change = share_a * overlap * c.normal;
+    Vec(s.delta_a->translation) += change;
+    if (hit != nullptr) hit->set_back_a += change;
     mark_changed(m.a);
   }
 }
@@ -288,13 +361,35 @@ void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
 // ---- the points of a generation
 
 ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m, Contact& c) {
-  Point& p = points_.emplace_back(Sides(step, m, c));
+  return add_point(step, m, c, Sides(step, m, c), c.normal);
+}
+
+// The point at which the bodies of a hit meet.
+ImpactSolver::Point& ImpactSolver::add_meeting(const Step& step, const Hit& hit, const Manifold& m,
+                                               Contact& c) {
+  const BodyStore& bodies = step.bodies;
+  Sides s(step, m, c);
+  const Vec3 distance = bodies.position[m.a] - bodies.position[m.b] + hit.approach;
+  const bool a_is_sphere = bodies.is_sphere[m.a], b_is_sphere = bodies.is_sphere[m.b];
+  if (a_is_sphere)
+    s.anchor_a = -bodies.bounding_radius[m.a] * hit.normal;
+  else if (b_is_sphere)
+    s.anchor_a = bodies.bounding_radius[m.b] * hit.normal - distance;
+  else if (c.anchor_time_s == 0.0F)
+    s.anchor_a -= 0.5F * (hit.approach - hit.normal.dot(hit.approach) * hit.normal);
+  s.anchor_b = s.anchor_a + distance;
+  return add_point(step, m, c, s, hit.normal);
+}
+
+ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m, Contact& c,
+                                             const Sides& sides, const Vec3& normal) {
+  Point& p = points_.emplace_back(sides);
   p.contact = &c;
   is_point(step, m.b >= 0, c) = 1;
   p.a = m.a, p.b = m.b;
   law::Vector3<float> t, u;
-  law::tangents(to_law(c.normal), t, u);
-  p.axis[0] = c.normal, p.axis[1] = from_law(t), p.axis[2] = from_law(u);
+  law::tangents(to_law(normal), t, u);
+  p.axis[0] = normal, p.axis[1] = from_law(t), p.axis[2] = from_law(u);
   const float inverse_mass = p.velocity_a->inverse_mass + (p.velocity_b ? p.velocity_b->inverse_mass : 0.0F);
   const InverseInertia& inertia_a = step.bodies.world_inverse_inertia[m.a];
   for (int i = 0; i < 3; ++i) p.spin_a[i] = multiply(inertia_a, p.anchor_a.cross(p.axis[i]));
@@ -324,19 +419,26 @@ ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m
 }
 
 void ImpactSolver::add_hits(const Step& step) {
-  for (const Candidate& hit : hits_) {
+  for (const Hit& hit : hits_) {
     ContactList& list = hit.is_pair ? step.pair_contacts : step.static_contacts;
     const Manifold& m = list.manifolds[hit.manifold];
     Contact& c = list.contacts[hit.contact];
     const float restitution = restitution_of(step, m, c);
-    Point& p = add_point(step, m, c);
+    Point& p = hit.is_pair && !hit.in_substeps ? add_meeting(step, hit, m, c) : add_point(step, m, c);
     if (hit.in_substeps) {
       set_target(p, law::rebound_speed(restitution, hit.approach_speed), 0.0F);
       p.energy_budget = 0.5F * p.normal_mass * hit.approach_speed * hit.approach_speed;
       continue;
     }
     const float speed_after = p.velocity_before[0];
-    const Rebound rebound = compute_rebound(hit.approach_speed, speed_after, c.separation, restitution, step);
+    float approach_speed = hit.approach_speed;
+    if (hit.is_pair) {
+      const BodyStore& b = step.bodies;
+      approach_speed =
+          std::min(0.0F, p.axis[0].dot(b.velocity(m.a) + b.angular_velocity(m.a).cross(p.anchor_a) -
+                                       b.velocity(m.b) - b.angular_velocity(m.b).cross(p.anchor_b)));
+    }
+    const Rebound rebound = compute_rebound(approach_speed, speed_after, c.separation, restitution, step);
     set_target(p, rebound.end_speed, 0.0F);
     // The rest of the impulse supports the body until the end of the step.
     const float change = rebound.end_speed - speed_after;

@@ -1,11 +1,11 @@
 // Impacts: contacts that close faster than the restitution threshold.
 //
 // An impact takes no time, so it is kept out of the substeps: an impacting contact exerts no impulse there.
-// At the end of the step the bodies are set back to where they touch, and the impacts are solved in
-// generations, as reflections (B. Smith et al., Reflections on Simultaneous Impact, 2012): all contacts that
-// approach collide at once, by Newton's law and with Coulomb friction on the same impulse; then those that
-// approach because of it, and so on. So a blow travels through a row of balls one by one, and what is
-// symmetric stays symmetric.
+// At the end of the step the bodies are set back to where they touch, but for two that meet in flight, which
+// move on from where they meet. The impacts are solved in generations, as reflections (B. Smith et al.,
+// Reflections on Simultaneous Impact, 2012): all contacts that approach collide at once, by Newton's law and
+// with Coulomb friction on the same impulse; then those that approach because of it, and so on. So a blow
+// travels through a row of balls one by one, and what is symmetric stays symmetric.
 //
 // One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them:
 // each member solves those of its rows in the order of the list. A body that several members touch is passed
@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -28,6 +29,9 @@ class ImpactSolver {
  public:
   // Minimum approach speed of an impact, u/s.
   static constexpr float kThreshold = 0.2F;
+
+  // Whether nothing but `partner` comes within `reach` of the body's bounding sphere in the step.
+  using HasRoom = std::function<bool(std::int32_t body, std::int32_t partner, float reach)>;
 
   // A contact that approaches at the start of the step.
   struct Candidate {
@@ -45,6 +49,7 @@ class ImpactSolver {
     SurfaceMaterial field_material;
     float dt_s;
     int substeps;
+    const HasRoom& has_room;
     // ---- by row; in and out
     BodyVelocity* velocity;
     DeltaPose* delta_pose;
@@ -63,6 +68,14 @@ class ImpactSolver {
   struct ManifoldRef {
     bool is_pair;
     std::int32_t index;
+  };
+  // A candidate that touches within the step.
+  struct Hit : Candidate {
+    explicit Hit(const Candidate& candidate) : Candidate(candidate) {}
+
+    float fraction = 1.0F;           // of the step, at which the bodies of a pair meet
+    Vec3 normal, approach{0, 0, 0};  // of a pair, as they meet: the movement of a relative to b until then
+    Vec3 set_back_a{0, 0, 0}, set_back_b{0, 0, 0};  // of a pair
   };
   // The two sides of a contact in the state at the end of the substeps.
   struct Sides {
@@ -143,16 +156,21 @@ class ImpactSolver {
   void find_hits(const Step&);
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
-  void set_back(const Step&, const Manifold&, const Contact&, float min_overlap);
+  bool meet(const Step&, Hit&) const;
+  void set_back(const Step&, const Manifold&, const Contact&, float min_overlap, Hit* hit = nullptr);
+  void move_on(const Step&);
+  void move_pair_on(const Step&, std::size_t first, std::size_t end);
   void mark_changed(std::int32_t body);
   void collect_active_manifolds();
   void add_hits(const Step&);
+  Point& add_meeting(const Step&, const Hit&, const Manifold&, Contact&);
   void add_approaching_points(const Step&, const ManifoldRef&);
   bool add_resisting_points(const Step&);
   void set_target(Point&, float speed, float blow_speed);
   char& is_point(const Step&, bool is_pair, const Contact&);
   void clear_points(const Step&);
   Point& add_point(const Step&, const Manifold&, Contact&);
+  Point& add_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
   void solve_points(int max_sweeps, const Member&);
   void solve_normals(int max_sweeps, const Member&);
   template <class Each>
@@ -166,7 +184,7 @@ class ImpactSolver {
   std::int32_t find_island(std::int32_t body);
 
   std::vector<MemberState> members_;
-  std::vector<Candidate> hits_;
+  std::vector<Hit> hits_;
   // Manifolds of each body. Pairs are linked lists of 2·i (as body a) and 2·i + 1 (as body b) for manifold i.
   std::vector<std::int32_t> first_pair_, next_pair_, static_manifold_;
   std::vector<std::uint8_t> static_hits_;  // by body: generations that its static contacts took part in

@@ -57,6 +57,7 @@ class Solver {
     JointSolver& joints;
     TipSolver& tips;  // after collect(), as the next
     SkinSolver& skin;
+    const ImpactSolver::HasRoom& has_room;
     bool has_turning_cells = false;
     float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };

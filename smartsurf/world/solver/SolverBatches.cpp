@@ -133,7 +133,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
 void Solver::solve_impacts(StepContext& context, const Member& member) {
   impacts_.solve({context.bodies, context.partition, context.input.pair_contacts,
                   context.input.static_contacts, context.input.cell_limits, field_material_, settings_.dt_s,
-                  settings_.substeps, velocity_.data(), delta_pose_.data()},
+                  settings_.substeps, context.input.has_room, velocity_.data(), delta_pose_.data()},
                  member);
 }
 

@@ -98,6 +98,20 @@ reward(function(t, tick) if tick == 5 then %s end return 0 end)
         self.assertAlmostEqual(float(s.objects["position"][0, 2]), 30 + 2 * 0.5 - 0.5 * 9.81 * 0.25, delta=0.02)
         self.assertAlmostEqual(float(s.objects["velocity"][0, 2]), 2 - 9.81 * 0.5, delta=1e-3)
 
+    def test_a_swing_in_a_field_of_force_keeps_its_energy(self):
+        """A plate over a linear field, 0.2 u above where it floats: ω² = the sum of the forces / (reach·mass)."""
+        for rate in (60, 240):
+            for iterations in (2, 10, 20):
+                s = smartsurf.Simulation(self.script(f"""
+                    world {{ dt = 1/{rate}, control_period = 1/{rate}, iterations = {iterations} }}
+                    surface {{ rows = 12, columns = 12, actuator = force_field {{ reach = 2 }} }}
+                    box {{ size = {{3, 3, 0.5}}, position = {{5, 5, {2 * (1 - 9.81 * 2 / 90) + 0.25 + 0.2}}}, mass = 2 }}"""))
+                heights = []
+                for _ in range(12 * rate):
+                    s.step({"fx": 0, "fy": 0, "fz": np.full((12, 12), 10)})
+                    heights.append(s.objects["position"][0, 2])
+                self.assertAlmostEqual(np.ptp(heights[-2 * rate:]) / 0.4, 1, delta=0.03, msg=f"{rate}, {iterations}")
+
     def test_a_reset_equals_a_new_simulation(self):
         for text in (CROWD, NOISY):
             path = self.script(text)
