@@ -47,6 +47,12 @@ float restitution_of(const ImpactSolver::Step& step, const Manifold& m, const Co
   return std::max(step.bodies.surface_material[m.a].restitution, material_of_b(step, m, c).restitution);
 }
 
+// Up to which separation a contact takes part in a blow that gives it this normal speed, where another contact
+// of the manifold touches: what closes within the substep does, or bodies would turn about those that touch.
+float touching_separation(const ImpactSolver::Step& step, float speed) {
+  return std::max(kTouchingSeparation, -speed * step.dt_s / static_cast<float>(step.substeps));
+}
+
 // The impulse that a cell of limited force has left for one of the body's contacts with it.
 float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
   constexpr float kUnlimited = std::numeric_limits<float>::infinity();
@@ -452,17 +458,19 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
   const Manifold& m = list.manifolds[ref.index];
   float least = 0.0F;
+  bool touches = false;
   for (int k = m.first; k < m.first + m.count; ++k) {
     Contact& c = list.contacts[k];
     const float restitution = restitution_of(step, m, c);
     if (restitution == 0.0F || c.gives_way()) continue;
     const Sides s(step, m, c);
     const float speed = c.normal.dot(s.velocity());
-    if (speed >= 0.0F || s.separation(c, step.dt_s) > kTouchingSeparation) continue;
+    if (speed >= 0.0F || s.separation(c, step.dt_s) > touching_separation(step, speed)) continue;
+    touches |= s.separation(c, step.dt_s) <= kTouchingSeparation;
     least = std::min(least, speed);
     approaching_.push_back({&c, law::rebound_speed(restitution, speed)});
   }
-  if (least < -kThreshold) {
+  if (touches && least < -kThreshold) {
     // A body that surfaces squeeze would bounce between them without end.
     const bool is_elastic = ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits;
     for (const Approaching& a : approaching_)
@@ -481,17 +489,19 @@ bool ImpactSolver::add_resisting_points(const Step& step) {
     ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
     const Manifold& m = list.manifolds[ref.index];
     resisting_.clear();
-    bool approach = false;
+    bool approach = false, touches = false;
     const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
     for (int k = m.first; k < m.first + m.count; ++k) {
       Contact& c = list.contacts[k];
       if (c.gives_way() || restitution_of(step, m, c) > 0.0F || is_point(step, ref.is_pair, c)) continue;
       const Sides s(step, m, c);
-      if (s.separation(c, step.dt_s) > kTouchingSeparation) continue;
-      approach |= c.normal.dot(s.velocity()) < -kResistingShare * blow_speed;
+      const float speed = c.normal.dot(s.velocity()), separation = s.separation(c, step.dt_s);
+      if (separation > touching_separation(step, speed)) continue;
+      touches |= separation <= kTouchingSeparation;
+      approach |= speed < -kResistingShare * blow_speed;
       resisting_.push_back(&c);
     }
-    if (!approach) continue;
+    if (!touches || !approach) continue;
     for (Contact* c : resisting_) set_target(add_point(step, m, *c), 0.0F, blow_speed);
   }
   return points_.size() > before;
