@@ -47,8 +47,9 @@ float restitution_of(const ImpactSolver::Step& step, const Manifold& m, const Co
   return std::max(step.bodies.surface_material[m.a].restitution, material_of_b(step, m, c).restitution);
 }
 
-// Up to which separation a contact takes part in a blow that gives it this normal speed, where another contact
-// of the manifold touches: what closes within the substep does, or bodies would turn about those that touch.
+// Up to which separation a contact takes part in a blow that gives it this normal speed, where another
+// contact of the manifold touches: what closes within the substep does, or bodies would turn about those that
+// touch.
 float touching_separation(const ImpactSolver::Step& step, float speed) {
   return std::max(kTouchingSeparation, -speed * step.dt_s / static_cast<float>(step.substeps));
 }
@@ -203,6 +204,7 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   for (int generation = 0; generation < kMaxGenerations; ++generation) {
     clear_points(step);
     tolerance_ = generation == 0 ? kFirstTolerance : kTolerance;
+    is_last_ = generation + 1 == kMaxGenerations;
     if (generation == 0)
       add_hits(step);
     else
@@ -472,7 +474,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   }
   if (touches && least < -kThreshold) {
     // A body that surfaces squeeze would bounce between them without end.
-    const bool is_elastic = ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits;
+    const bool is_elastic = !is_last_ && (ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits);
     for (const Approaching& a : approaching_)
       set_target(add_point(step, m, *a.contact), is_elastic ? a.rebound_speed : 0.0F, 0.0F);
   }
@@ -493,7 +495,8 @@ bool ImpactSolver::add_resisting_points(const Step& step) {
     const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
     for (int k = m.first; k < m.first + m.count; ++k) {
       Contact& c = list.contacts[k];
-      if (c.gives_way() || restitution_of(step, m, c) > 0.0F || is_point(step, ref.is_pair, c)) continue;
+      if (c.gives_way() || (!is_last_ && restitution_of(step, m, c) > 0.0F) || is_point(step, ref.is_pair, c))
+        continue;
       const Sides s(step, m, c);
       const float speed = c.normal.dot(s.velocity()), separation = s.separation(c, step.dt_s);
       if (separation > touching_separation(step, speed)) continue;

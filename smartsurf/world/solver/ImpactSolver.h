@@ -194,6 +194,7 @@ class ImpactSolver {
   std::vector<ManifoldRef> active_;
   std::vector<char> is_active_pair_;
   float tolerance_ = 0.0F;  // of the current generation
+  bool is_last_ = false;    // of the generations: without restitution
   std::vector<Approaching> approaching_;
   std::vector<Contact*> resisting_;
   std::vector<float> blow_speed_;           // by body
