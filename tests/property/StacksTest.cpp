@@ -325,3 +325,37 @@ TEST(Stacks, RollersRestInTheGapBetweenTwoBoxes) {
       EXPECT_NEAR(fixture.position(id).z(), height, 0.01);
     }
 }
+
+// A box is taken out of a stack of unlike ones: those above it land on those below, and the stack stands. One
+// of a heavy box, a light one and the table passes the blow to and fro.
+TEST(Stacks, StandWhenABoxIsTakenOut) {
+  std::mt19937 random(20);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (const double rate : {60.0, 120.0, 240.0})
+    for (int i = 0; i < 60; ++i) {
+      SCOPED_TRACE(testing::Message() << "stack " << i << " at 1/" << rate);
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1.0 / rate;
+      fixture.scene.materials[0].restitution = 0.2;
+      const auto count = static_cast<int>(uniform(3, 6)), taken = static_cast<int>(uniform(0, count - 1));
+      std::vector<smartsurf::scene::ObjectId> boxes;
+      double height = 0.0;
+      for (int k = 0; k < count; ++k) {
+        const Eigen::Vector3d size(uniform(1.2, 3), uniform(1.2, 3), uniform(0.4, 1.5));
+        auto o =
+            box(size, {15.5 + uniform(-0.15, 0.15), 15.5 + uniform(-0.15, 0.15), height + 0.5 * size.z()});
+        o.mass = std::pow(10.0, uniform(-1, 1));
+        o.orientation = Eigen::AngleAxisd(uniform(0, std::numbers::pi), Eigen::Vector3d::UnitZ());
+        height += size.z();
+        boxes.push_back(fixture.add(o));
+      }
+      fixture.run(1.0);
+      ASSERT_TRUE(fixture.world().remove(boxes[static_cast<std::size_t>(taken)]));
+      boxes.erase(boxes.begin() + taken);
+      fixture.run(2.0);
+      for (const auto id : boxes)
+        EXPECT_GT((fixture.world().state(id).orientation * Eigen::Vector3d::UnitZ()).z(), 0.99);
+    }
+}
