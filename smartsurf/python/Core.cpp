@@ -231,7 +231,7 @@ class ObjectArrays {
  private:
   void allocate(std::size_t count) {
     const auto n = static_cast<py::ssize_t>(count);
-    id_ = Array<std::uint32_t>(n);
+    id_ = Array<std::uint32_t>(std::vector{n});  // from a number, pybind11 makes an array without a stride
     const auto make = [n](py::ssize_t width) { return Array<float>({n, width}); };
     position_ = make(3);
     orientation_ = make(4);

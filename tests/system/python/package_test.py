@@ -85,6 +85,18 @@ reward(function(t, tick) if tick == 5 then %s end return 0 end)
             s.step(1.0)
             self.assertNotEqual(s.state_hash, quiet.state_hash)
 
+    def test_objects_have_their_ids(self):
+        s = smartsurf.Simulation(self.script("""
+surface { rows = 6, columns = 6, actuator = pin {} }
+for i = 1, 4 do sphere { radius = 0.4, position = {i, 2, 2} } end
+at(0.1, function() object(1):remove() end)
+"""))
+        self.assertEqual(s.objects["id"].tolist(), [0, 1, 2, 3])
+        for _ in range(12):
+            s.step()
+        self.assertEqual(s.objects["id"].tolist(), [0, 2, 3])
+        self.assertTrue(all(values.flags.c_contiguous for values in s.objects.values()))
+
     def test_gravity_and_axis_order(self):
         s = smartsurf.Simulation(self.script(
             "surface { rows = 6, columns = 9, actuator = pin { range = {0, 4} }, sensors = { proximity { range = 4 } } }\n"
