@@ -88,20 +88,25 @@ TEST(Threads, RejectsFrameOverwrittenDuringCopy) {
   config.channels[kDistance].maximum = 1e9;
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
+  std::atomic<std::uint64_t> copies{0};
   std::jthread other([&](const std::stop_token& enough) {
-    auto deadline = std::chrono::steady_clock::now();
     for (std::uint64_t tick = 0; !enough.stop_requested(); ++tick) {
       auto out = surface.sensor(kDistance);
       out.front() = out.back() = static_cast<float>(tick % 1'000'000);
       if (surface.publish(tick, 0.0) != Status::kOk) break;
       if (tick % 100 != 0) continue;
-      deadline = std::chrono::steady_clock::now() + 100us;  // occasionally leaves time for a complete copy
-      while (std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+      // Occasionally leaves time for a complete copy: the one after that which these frames overtook.
+      // Relaxed, so that ThreadSanitizer takes it for no synchronisation.
+      const std::uint64_t enough_copies = copies.load(std::memory_order_relaxed) + 2;
+      while (copies.load(std::memory_order_relaxed) < enough_copies && !enough.stop_requested())
+        std::this_thread::yield();
     }
   });
   std::uint64_t whole = 0, mixed = 0;
   while (whole < 300) {
-    if (controller.latest_sensors() != Status::kOk) continue;
+    const Status status = controller.latest_sensors();
+    copies.fetch_add(1, std::memory_order_relaxed);
+    if (status != Status::kOk) continue;
     ++whole;
     const auto in = controller.sensor(kDistance);
     const auto expected = static_cast<float>(controller.sensor_info().tick % 1'000'000);
