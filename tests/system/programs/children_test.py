@@ -49,7 +49,6 @@ class ChildrenTest(ProgramTest):
     def setUp(self):
         super().setUp()
         self.path = os.environ["PATH"]
-        (self.folder / "bin").mkdir()
         (self.folder / "work").mkdir()
 
     def tearDown(self):
@@ -69,8 +68,9 @@ class ChildrenTest(ProgramTest):
                 except OSError:
                     pass
 
-    def ffmpeg(self, body):
-        program = self.folder / "bin/ffmpeg"
+    def ffmpeg(self, body, folder="bin"):
+        program = self.folder / folder / "ffmpeg"
+        program.parent.mkdir(exist_ok=True)
         program.write_text(f"#!/bin/sh\nfor last; do :; done\n{body}\n")
         program.chmod(0o755)
         self.path = f"{program.parent}:{os.environ['PATH']}"
@@ -93,11 +93,13 @@ class ChildrenTest(ProgramTest):
             self.assertEqual(status, 0, err)
         return recording
 
-    def fails(self, reason, *command, patience=PATIENCE):
-        status, _, err = self.finish(self.start(*command, "--video", "v.mp4", *SMALL_PICTURE), patience)
+    def start_video(self, name, *command):
+        return self.start(*command, "--video", name, *SMALL_PICTURE)
+
+    def fails(self, reason, child, patience=PATIENCE):
+        status, _, err = self.finish(child, patience)
         self.assertEqual(status, 2, err)
-        self.assertRegex(err, f"^smartsurf: v.mp4: {reason}[^\n]*\n$")
-        self.assertEqual(self.left(), [])
+        self.assertRegex(err, f"^smartsurf: {reason}[^\n]*\n$")
 
 
 class Children(ChildrenTest):
@@ -163,14 +165,20 @@ class Children(ChildrenTest):
 class Encoders(ChildrenTest):
     @needs_view
     def test_encoders_that_misbehave(self):
-        recording = self.wave()
-        for body, reason in (('cat > "$last"; sleep 1000000', "ffmpeg made no progress"), ("exec sleep 1000000", "ffmpeg made no progress"),
-                             (self.STALLS_HALFWAY, "ffmpeg made no progress"), ("exit 1", "ffmpeg"),
-                             ('cat > "$last"; exit 1', "ffmpeg failed"), ("kill -9 $$", "ffmpeg")):
-            self.ffmpeg(body)
-            for command in ((SMARTSURF, "replay", recording), (SMARTSURF, "run", WAVE, "--no-controller", "--until", "3")):
-                with self.subTest(ffmpeg=body, command=command[1]):
-                    self.fails(reason, *command)
+        """All at once, because most of them are waited for."""
+        stalls, exits, ends = "ffmpeg made no progress", "ffmpeg", "ffmpeg failed"
+        misbehaviours = (('cat > "$last"; sleep 1000000', stalls), ("exec sleep 1000000", stalls), (self.STALLS_HALFWAY, stalls),
+                         ("exit 1", exits), ('cat > "$last"; exit 1', ends), ("kill -9 $$", exits))
+        started = []
+        for number, (body, reason) in enumerate(misbehaviours):
+            self.ffmpeg(body, f"bin{number}")
+            for command in ((SMARTSURF, "replay", self.wave()), (SMARTSURF, "run", WAVE, "--no-controller", "--until", "3")):
+                name = f"{command[1]}{number}.mp4"
+                started.append((body, command[1], f"{name}: {reason}", self.start_video(name, *command)))
+        for body, command, reason, child in started:
+            with self.subTest(ffmpeg=body, command=command):
+                self.fails(reason, child)
+        self.assertEqual(self.left(), [])
 
     @needs_view
     def test_slow_encoders_are_waited_for(self):
@@ -207,7 +215,8 @@ class EndlessEncoder(ChildrenTest):
 
     def test_is_ended(self):
         self.ffmpeg("while :; do :; done")
-        self.fails("ffmpeg made no progress", SMARTSURF, "replay", self.wave(), patience=900)
+        self.fails("v.mp4: ffmpeg made no progress", self.start_video("v.mp4", SMARTSURF, "replay", self.wave()), patience=900)
+        self.assertEqual(self.left(), [])
 
 
 if __name__ == "__main__":
