@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "smartsurf/world/solver/SupportPoints.h"
-#include "smartsurf/world/solver/SupportSolver.h"
 #include "smartsurf/world/solver/SupportSprings.h"
 
 namespace smartsurf::world {
@@ -421,9 +420,7 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
       });
     };
     solve_points();
-    batch.for_each([&](SupportPatches& list, SupportPatch& p, int) {
-      solve_support(list, p, batch_points(), is_soft, velocity_[p.row], inverse_inertia_[p.row]);
-    });
+    solve_supports(batch, kAllLanes, batch_points(), is_soft, velocity_.data(), inverse_inertia_.data());
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
     if (!is_soft) solve_points();
     if (!batch.any_alone) continue;
@@ -473,12 +470,17 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
         break;
       jointed_contacts_.sweep(points, context.solver_bodies, context.pair_params, context.static_params,
                               is_soft);
-      for (SupportPatches& list : context.input.supports)
-        for (SupportPatch& p : list.patches) {
-          if (p.is_elastic || !context.bodies.is_jointed[static_cast<std::size_t>(p.body)]) continue;
-          solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row],
-                               delta_pose_[p.row], inverse_inertia_[p.row]);
-          solve_support(list, p, points, is_soft, velocity_[p.row], inverse_inertia_[p.row]);
+      for (std::size_t k = 0; has_supports_ && k < supports_.size(); ++k)
+        for (SupportBatch& batch : supports_[k]) {
+          std::uint32_t jointed = 0;
+          batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
+            if (p.is_elastic || !context.bodies.is_jointed[static_cast<std::size_t>(p.body)]) return;
+            jointed |= std::uint32_t{1} << static_cast<unsigned>(lane);
+            solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row],
+                                 delta_pose_[p.row], inverse_inertia_[p.row]);
+          });
+          if (jointed != 0)
+            solve_supports(batch, jointed, points, is_soft, velocity_.data(), inverse_inertia_.data());
         }
     }
   }
@@ -500,6 +502,7 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
     const ContactBatch& o = graph_.batch(index);
     SupportBatch batch;
     batch.lanes.first_point = o.first_point, batch.lanes.point_count = o.point_count;
+    batch.lanes.lane_count = o.lane_count;
     std::copy_n(o.a, kLanes, batch.lanes.row);
     for (int lane = 0; lane < o.lane_count; ++lane) {
       const SupportReference at = support_of_row_[o.a[lane]];
@@ -513,8 +516,10 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
       const bool is_alone = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints;
       (is_alone ? batch.any_alone : batch.any_in_lanes) = true;
       if (is_alone) continue;
-      for (const std::int32_t k : support::points_of(list, p))
+      const auto points = support::points_of(list, p);
+      for (const std::int32_t k : points)
         batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
+      if (std::is_sorted(points.begin(), points.end())) batch.friction.points[lane] = batch.lanes.points[lane];
     }
     if (batch.any_alone || batch.any_in_lanes) context.supports.push_back(batch);
   };
@@ -523,13 +528,14 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
 }
 
 void Solver::prepare_supports(StepContext& context) {
-  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
-    const int row = p.row;
-    prepare_support(list, p, velocity_[row], inverse_inertia_[row],
-                    material_[row].friction_root * field_material_.friction_root,
-                    context.static_params.substep_fraction, contacts);
-    if (p.is_elastic) prepare_springs(list, p, velocity_[row], context.static_params.substep_fraction);
-  });
+  const float substep_fraction = context.static_params.substep_fraction;
+  for (SupportBatch& batch : context.supports)
+    batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
+      const int row = p.row;
+      prepare_support(batch, lane, velocity_[row], inverse_inertia_[row],
+                      material_[row].friction_root * field_material_.friction_root, substep_fraction);
+      if (p.is_elastic) prepare_springs(list, p, velocity_[row], substep_fraction);
+    });
 }
 
 void Solver::store_supports(StepContext& context) {

@@ -26,7 +26,7 @@
 #include "smartsurf/world/solver/JointedContacts.h"
 #include "smartsurf/world/solver/SharedBatches.h"
 #include "smartsurf/world/solver/SkinSolver.h"
-#include "smartsurf/world/solver/SupportKernels.h"
+#include "smartsurf/world/solver/SupportSolver.h"
 #include "smartsurf/world/solver/TipSolver.h"
 
 namespace smartsurf::world {
@@ -84,21 +84,6 @@ class Solver {
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
  private:
-  // The support patches of the bodies in one batch of static contacts.
-  struct SupportBatch {
-    SupportPatches* list[kLanes] = {};
-    SupportPatch* patch[kLanes] = {};              // null: the lane has none
-    std::span<Contact> contacts[kLanes];           // of the body with what is static
-    bool any_in_lanes = false, any_alone = false;  // whether any is solved with the others, and by itself
-    SupportLanes lanes;
-
-    // Calls each(list, patch, lane) for the patches.
-    template <class Each>
-    void for_each(Each each) {
-      for (int lane = 0; lane < kLanes; ++lane)
-        if (patch[lane] != nullptr) each(*list[lane], *patch[lane], lane);
-    }
-  };
   // What the stages of a step share. Each member has its own.
   struct StepContext {
     BodyStore& bodies;

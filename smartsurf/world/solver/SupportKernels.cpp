@@ -6,7 +6,10 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "smartsurf/world/solver/ContactLaw-inl.h"
+#include <algorithm>
+
+#include "smartsurf/world/simd/Simd4.h"
+#include "smartsurf/world/solver/ContactLanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
@@ -17,17 +20,29 @@ namespace {
 // result does not depend on the width of a vector.
 template <int kCount>
 struct LaneSums {
-  float lanes[kCount][kLanes];
+  static constexpr int kPadded = (kCount + kSimd4Width - 1) / kSimd4Width * kSimd4Width;
+  alignas(64) float lanes[kPadded][kLanes];
   HWY_INLINE void set_lanes(int lane, const V (&sums)[kCount]) {
     for (int k = 0; k < kCount; ++k) store(sums[k], lanes[k], lane);
+    for (int k = kCount; k < kPadded; ++k) store(zero(), lanes[k], lane);
   }
-  double total(int k) const {
-    float pair[kLanes / 2];
-    for (int i = 0; i < kLanes / 2; ++i) pair[i] = lanes[k][2 * i] + lanes[k][2 * i + 1];
-    return static_cast<double>((pair[0] + pair[1]) + (pair[2] + pair[3]));
+  // ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)) of each sum.
+  HWY_INLINE void totals(double (&out)[kCount]) const {
+    for (int k = 0; k < kPadded; k += kSimd4Width) {
+      Float4 half[2];
+      for (int h = 0; h < 2; ++h) {
+        const int first = h * kSimd4Width;
+        Float4 a = load4(lanes[k] + first), b = load4(lanes[k + 1] + first), c = load4(lanes[k + 2] + first),
+               d = load4(lanes[k + 3] + first);
+        transpose4(a, b, c, d);
+        half[h] = (a + b) + (c + d);
+      }
+      const Float4 total = half[0] + half[1];
+      for (int i = 0; i < kSimd4Width && k + i < kCount; ++i) out[k + i] = static_cast<double>(total[i]);
+    }
   }
 };
-static_assert(kLanes == 8);
+static_assert(kLanes == 2 * kSimd4Width);
 
 // Calls work(i, sums) for the samples of each vector.
 template <int kCount, class Work>
@@ -68,8 +83,10 @@ void sum_loads_of(const SupportSampleView& s, const float (&load_of)[3], LoadSum
     sum[7] = sum[7] + wx * y;
     sum[8] = sum[8] + wy * y;
   });
-  for (int k = 0; k < 3; ++k) out.load[k] = sums.total(k);
-  for (int k = 0; k < 6; ++k) out.stiffness[k] = sums.total(3 + k);
+  double totals[9];
+  sums.totals(totals);
+  std::copy_n(totals, 3, out.load);
+  std::copy_n(totals + 3, 6, out.stiffness);
 }
 
 void sum_loads(const SupportSampleView& s, const float (&load_of)[3], LoadSums& out) {
@@ -86,9 +103,11 @@ void store_loads(const SupportSampleView& s, const float (&load_of)[3]) {
   }
 }
 
+// The friction impulses at a velocity of the body: Σ (f_x, f_y, torque about z), and the factor s_i by which
+// each sample's cone scales its trial impulse: Σ s_i·(1, x, y, x² + y² + arm²).
 template <bool kLimited>
-void solve_friction_of(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
-                       const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
+HWY_INLINE void rub_samples(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
+                            const float (&velocity)[3], float tangent_mass, double (&out)[7]) {
   const V t = set(tangent_mass), vx = set(velocity[0]), vy = set(velocity[1]), w = set(velocity[2]);
   const V offset_x = set(offset[0]), offset_y = set(offset[1]);
   const auto sums = sum_lanes<7>(s.count, [&](int i, V(&sum)[7]) HWY_ATTR {
@@ -113,16 +132,7 @@ void solve_friction_of(const SupportSampleView& s, const float (&cone)[3], const
     sum[5] = sum[5] + scale * y;
     sum[6] = sum[6] + scale * sum3(x * x, y * y, arm * arm);
   });
-  for (int k = 0; k < 3; ++k) out.impulse[k] = sums.total(k);
-  for (int k = 0; k < 4; ++k) out.stiffness[k] = sums.total(3 + k);
-}
-
-void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
-                    const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
-  if (s.limit)
-    solve_friction_of<true>(s, cone, offset, velocity, tangent_mass, out);
-  else
-    solve_friction_of<false>(s, cone, offset, velocity, tangent_mass, out);
+  sums.totals(out);
 }
 
 void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {
@@ -133,44 +143,240 @@ void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {
     sum[2] =
         sum[2] + sum3(load(s.x, i) * fy, zero() - load(s.y, i) * fx, load(s.arm, i) * load(s.friction[2], i));
   });
-  for (int k = 0; k < 3; ++k) impulse[k] = sums.total(k);
+  sums.totals(impulse);
 }
 
-// ---- normal impulses, several patches at once, in doubles
+// ---- several patches at once, in doubles
 
 using D = LanesOf<double>;
 using HalfTag = hn::Rebind<float, LanesTag<double>>;
 using Half = hn::Vec<HalfTag>;  // as many floats
 constexpr int kDoubles = kWidthOf<double>;
+constexpr int kVectors = kLanes / kVectorWidth;
 
 HWY_INLINE D widen(Half a) { return hn::PromoteTo(LanesTag<double>(), a); }
 HWY_INLINE Half narrow(D a) { return hn::DemoteTo(HalfTag(), a); }
 HWY_INLINE Half load_half(const float* lanes, int first) { return hn::LoadU(HalfTag(), lanes + first); }
+HWY_INLINE D load_wide(const float* lanes, int first) { return widen(load_half(lanes, first)); }
+HWY_INLINE void store_narrow(D a, float* lanes, int first) {
+  hn::StoreU(narrow(a), HalfTag(), lanes + first);
+}
+HWY_INLINE Half bit_of_lanes(const std::uint32_t (&bits)[kLanes], int first, int bit) {
+  float is_set[kDoubles];
+  for (int i = 0; i < kDoubles; ++i) is_set[i] = static_cast<float>(bits[first + i] >> bit & 1U);
+  return load_half(is_set, 0);
+}
 
-// What solve_points() reads and writes of the bodies, by lane.
+// The bodies of the lanes.
+struct Bodies {
+  BodyLanes motion[kVectors];
+  SymmetricMat3<V> inverse_inertia[kVectors];
+
+  HWY_INLINE Bodies(const SupportLanes& s, const BodyVelocity* velocity,
+                    const InverseInertia* inverse_inertia_of) {
+    for (int k = 0; k * kVectorWidth < s.lane_count; ++k) {
+      motion[k] = load_body_lanes(velocity, s.row + k * kVectorWidth);
+      inverse_inertia[k] = load_inertia(inverse_inertia_of, s.row + k * kVectorWidth);
+    }
+  }
+  HWY_INLINE void store_motion(const SupportLanes& s, BodyVelocity* velocity) const {
+    for (int k = 0; k * kVectorWidth < s.lane_count; ++k)
+      store_body_lanes(motion[k], velocity, s.row + k * kVectorWidth, s.lane_count - k * kVectorWidth);
+  }
+};
+
+template <class Mask>
+HWY_INLINE V added_if(Mask is_added, V sum, V change) {
+  return hn::IfThenElse(is_added, sum + change, sum);
+}
+
+// Applies a change of the friction impulse to the lanes in which `applies` is 1.
+HWY_INLINE void apply_friction(const SupportFriction& f, const float (&change)[3][kLanes],
+                               const float (&applies)[kLanes], int lane_count, Bodies& bodies) {
+  for (int k = 0, at = 0; at < lane_count; ++k, at += kVectorWidth) {
+    BodyLanes& m = bodies.motion[k];
+    const auto is_added = hn::Gt(load(applies, at), zero());
+    const V3 impulse = load3(change, at);
+    const V z = load(f.z, at);
+    const V3 spin = bodies.inverse_inertia[k] * V3{hn::Neg(z) * impulse.y, z * impulse.x, impulse.z};
+    m.velocity.x = added_if(is_added, m.velocity.x, impulse.x * m.inverse_mass);
+    m.velocity.y = added_if(is_added, m.velocity.y, impulse.y * m.inverse_mass);
+    m.angular_velocity.x = added_if(is_added, m.angular_velocity.x, spin.x);
+    m.angular_velocity.y = added_if(is_added, m.angular_velocity.y, spin.y);
+    m.angular_velocity.z = added_if(is_added, m.angular_velocity.z, spin.z);
+  }
+}
+
+// The third row sums in another order than the others.
+HWY_INLINE Vector3<D> multiply(const SymmetricMat3<D>& m, const Vector3<D>& u) {
+  return {sum3(m.xx * u.x, m.xy * u.y, m.xz * u.z), sum3(m.xy * u.x, m.yy * u.y, m.yz * u.z),
+          m.xz * u.x + (m.yz * u.y + m.zz * u.z)};
+}
+HWY_INLINE SymmetricMat3<D> load_symmetric(const double (&lanes)[6][kLanes], int at) {
+  return {load(lanes[0], at), load(lanes[1], at), load(lanes[2], at),
+          load(lanes[3], at), load(lanes[4], at), load(lanes[5], at)};
+}
+
+// 1 in the lanes where a proximal step of all samples sticks, whose impulse takes the place of the last one:
+// if a field of friction in proportion to the loads is within their cones. A bound by the centre of force and
+// the extent of the samples alone, so that the loads need not be known.
+HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFriction& f,
+                              SupportFrictionStage& stage, BatchPoints points, float (&change)[3][kLanes]) {
+  const D zero_d = constant<D>(0), one = constant<D>(1);
+  const Half none = constant<Half>(0);
+  Vector3<D> wrench = load3(stage.wrench, at);
+  for (int k = 0; k < s.point_count; ++k) {
+    const BatchPointDetail& d = points.detail[s.first_point + k];
+    const Half has = bit_of_lanes(f.points, at, k);
+    const D impulse = widen(
+        if_positive(has, load_half(points.point[s.first_point + k].normal_impulse, at), none));
+    wrench.x = wrench.x + impulse;
+    wrench.y = wrench.y + impulse * load_wide(d.anchor_a[0], at);
+    wrench.z = wrench.z + impulse * load_wide(d.anchor_a[1], at);
+  }
+  const D centre_x = load(f.centre[0], at), centre_y = load(f.centre[1], at), extent = load(f.scale, at);
+  wrench.y = (wrench.y - centre_x * wrench.x) / extent;
+  wrench.z = (wrench.z - centre_y * wrench.x) / extent;
+  store3<double>(wrench, stage.wrench, at);
+
+  constexpr double kStep = kTangentMassFactor / (1.0 + kTangentMassFactor);
+  SymmetricMat3<D> inverse = load_symmetric(f.inverse_response, at);
+  for (D* entry : {&inverse.xx, &inverse.yy, &inverse.zz, &inverse.xy, &inverse.xz, &inverse.yz})
+    *entry = constant<D>(kStep) * *entry;
+  const Vector3<D> now = load3(stage.velocity, at), old_impulse = load3(stage.impulse, at);
+  const Vector3<D> slip = now - Vector3<D>{load_wide(f.belt[0], at), load_wide(f.belt[1], at), zero_d};
+  const Vector3<D> impulse = old_impulse - multiply(inverse, slip);
+  // The loads' second moment about their centre, per force: least squares leave scale²·(1 − offset²) of a
+  // symmetric patch, and more where samples lift off; somewhat less if it is not symmetric.
+  const D spread = constant<D>(0.9);
+  const D u = wrench.y / wrench.x, v = wrench.z / wrench.x, offset_squared = u * u + v * v;
+  const D min_arm = load(f.min_arm, at);
+  const D polar = min_arm * min_arm + spread * extent * extent * hn::Max(zero_d, one - offset_squared);
+  const D reach = load(f.reach, at) + extent * hn::Sqrt(offset_squared);
+  const D x = centre_x + u * extent, y = centre_y + v * extent;
+  const D pull = hn::Sqrt(impulse.x * impulse.x + impulse.y * impulse.y),
+          torque = hn::Abs(impulse.z - (x * impulse.y - y * impulse.x));
+  const auto sticks =
+      hn::And(hn::Gt(wrench.x, zero_d),
+              hn::Le(pull * polar + torque * reach, load_wide(f.friction, at) * wrench.x * polar));
+  double lumps[kDoubles];
+  for (int i = 0; i < kDoubles; ++i) lumps[i] = static_cast<double>(stage.lumps >> (at + i) & 1U);
+  const auto applies = hn::And(sticks, hn::Gt(load(lumps, 0), zero_d));
+  const Vector3<D> difference = impulse - old_impulse;
+  store_narrow(difference.x, change[0], at);
+  store_narrow(difference.y, change[1], at);
+  store_narrow(difference.z, change[2], at);
+  store(hn::IfThenElse(applies, impulse.x, old_impulse.x), stage.impulse[0], at);
+  store(hn::IfThenElse(applies, impulse.y, old_impulse.y), stage.impulse[1], at);
+  store(hn::IfThenElse(applies, impulse.z, old_impulse.z), stage.impulse[2], at);
+  return hn::IfThenElseZero(applies, one);
+}
+
+std::uint32_t stick(const SupportLanes& s, const SupportFriction& f, SupportFrictionStage& stage,
+                    BatchPoints points, BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
+  Bodies bodies(s, velocity, inverse_inertia);
+  float now[3][kLanes] = {}, change[3][kLanes] = {}, applies[kLanes] = {};
+  for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth) {
+    const BodyLanes& m = bodies.motion[k];
+    const V z = load(f.z, at);
+    store(m.velocity.x + z * m.angular_velocity.y, now[0], at);
+    store(m.velocity.y - z * m.angular_velocity.x, now[1], at);
+    store(m.angular_velocity.z, now[2], at);
+  }
+  std::uint32_t found = 0;
+  for (int at = 0; at < s.lane_count; at += kDoubles) {
+    for (int axis = 0; axis < 3; ++axis) store(load_wide(now[axis], at), stage.velocity[axis], at);
+    store_narrow(stick_lanes_from(at, s, f, stage, points, change), applies, at);
+  }
+  for (int lane = 0; lane < s.lane_count; ++lane)
+    found |= static_cast<std::uint32_t>(applies[lane]) << static_cast<unsigned>(lane);
+  if (found == 0) return 0;
+  apply_friction(f, change, applies, s.lane_count, bodies);
+  bodies.store_motion(s, velocity);
+  return found;
+}
+
+// Finds the velocity at which the samples cause it, by Newton's method.
+void solve_friction(const SupportLanes& s, const SupportFriction& f, SupportFrictionStage& stage,
+                    std::uint32_t lanes, int passes, BodyVelocity* velocity,
+                    const InverseInertia* inverse_inertia) {
+  // Error of the velocity at which a solution is accurate enough, u/s.
+  constexpr double kVelocityTolerance = 1e-5;
+  const auto has = [](std::uint32_t set, int lane) { return (set >> static_cast<unsigned>(lane) & 1U) != 0; };
+  double q[3][kLanes], sums[7][kLanes] = {};
+  for (int axis = 0; axis < 3; ++axis) std::copy_n(stage.velocity[axis], kLanes, q[axis]);
+  std::uint32_t open = lanes;
+  for (int pass = 0; pass < passes && open != 0; ++pass) {
+    for (int lane = 0; lane < s.lane_count; ++lane) {
+      if (!has(open, lane)) continue;
+      const float at_velocity[3] = {static_cast<float>(q[0][lane]), static_cast<float>(q[1][lane]),
+                                    static_cast<float>(q[2][lane])};
+      const SupportSampleView& samples = stage.samples[lane];
+      double of_lane[7];
+      (samples.limit ? rub_samples<true> : rub_samples<false>)(samples, stage.cone[lane], stage.offset[lane],
+                                                               at_velocity,
+                                                               static_cast<float>(f.tangent_mass[lane]),
+                                                               of_lane);
+      for (int k = 0; k < 7; ++k) sums[k][lane] = of_lane[k];
+    }
+    double is_open[kLanes] = {};
+    for (int at = 0; at < s.lane_count; at += kDoubles) {
+      const Vector3<D> now = load3(stage.velocity, at), old_impulse = load3(stage.impulse, at),
+                       at_velocity = load3(q, at);
+      const Vector3<D> impulse{load(sums[0], at), load(sums[1], at), load(sums[2], at)};
+      // How far q is from the velocity that these impulses cause.
+      const Vector3<D> error =
+          (at_velocity - now) + multiply(load_symmetric(f.response, at), old_impulse - impulse);
+      const D greatest = hn::Max(hn::Max(hn::Abs(error.x), hn::Abs(error.y)),
+                                 hn::Abs(error.z) * load(f.scale, at));
+      const SymmetricMat3<D> inverse = load_symmetric(f.inverse_response, at);
+      const D t = load(f.tangent_mass, at), sw = t * load(sums[3], at), sx = t * load(sums[4], at),
+              sy = t * load(sums[5], at), polar = t * load(sums[6], at);
+      const SymmetricMat3<D> stiffness{inverse.xx + sw, inverse.yy + sw, inverse.zz + polar,
+                                       inverse.xy,      inverse.xz - sy, inverse.yz + sx};
+      store3<double>(at_velocity - solve_symmetric(stiffness, multiply(inverse, error)), q, at);
+      store(hn::IfThenElseZero(hn::Gt(greatest, constant<D>(kVelocityTolerance)), constant<D>(1)), is_open, at);
+    }
+    for (int lane = 0; lane < s.lane_count; ++lane)
+      if (!(is_open[lane] > 0.0)) open &= ~(std::uint32_t{1} << static_cast<unsigned>(lane));
+  }
+  float change[3][kLanes] = {}, applies[kLanes] = {};
+  for (int lane = 0; lane < s.lane_count; ++lane) {
+    if (!has(lanes, lane)) continue;
+    applies[lane] = 1.0F;
+    for (int axis = 0; axis < 3; ++axis) {
+      change[axis][lane] = static_cast<float>(sums[axis][lane] - stage.impulse[axis][lane]);
+      stage.impulse[axis][lane] = sums[axis][lane];
+    }
+  }
+  Bodies bodies(s, velocity, inverse_inertia);
+  apply_friction(f, change, applies, s.lane_count, bodies);
+  bodies.store_motion(s, velocity);
+}
+
+// What solve_points() reads of the bodies, by lane.
 struct SupportedBodies {
   float velocity_z[kLanes], spin_x[kLanes], spin_y[kLanes], inverse_mass[kLanes];
   float moved_z[kLanes], turned_x[kLanes], turned_y[kLanes];
   float xx[kLanes], xy[kLanes], yy[kLanes];  // of the inverse inertia
 
-  SupportedBodies(const std::int32_t (&row)[kLanes], const BodyVelocity* velocity,
-                  const DeltaPose* delta_pose, const InverseInertia* inverse_inertia) {
-    for (int i = 0; i < kLanes; ++i) {
-      const BodyVelocity& m = velocity[row[i]];
-      const DeltaPose& d = delta_pose[row[i]];
-      const InverseInertia& w = inverse_inertia[row[i]];
-      velocity_z[i] = m.velocity[2], inverse_mass[i] = m.inverse_mass;
-      spin_x[i] = m.angular_velocity[0], spin_y[i] = m.angular_velocity[1];
-      moved_z[i] = d.translation[2], turned_x[i] = d.rotation[0], turned_y[i] = d.rotation[1];
-      xx[i] = w.xx, xy[i] = w.xy, yy[i] = w.yy;
-    }
+  HWY_INLINE void set(int at, const BodyLanes& m, const SymmetricMat3<V>& w, const DeltaPose* delta_pose,
+                      const std::int32_t* row) {
+    V3 moved, turned;
+    V unused;
+    load_rows(&delta_pose->translation[0], row, 0, moved.x, moved.y, moved.z, unused);
+    load_rows(&delta_pose->translation[0], row, 4, turned.x, turned.y, turned.z, unused);
+    store(m.velocity.z, velocity_z, at), store(m.inverse_mass, inverse_mass, at);
+    store(m.angular_velocity.x, spin_x, at), store(m.angular_velocity.y, spin_y, at);
+    store(moved.z, moved_z, at), store(turned.x, turned_x, at), store(turned.y, turned_y, at);
+    store(w.xx, xx, at), store(w.xy, xy, at), store(w.yy, yy, at);
   }
 };
 
 // The lanes of a vector of doubles from `at` on.
 HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const SupportedBodies& bodies,
                                   BatchPoints points, const SubstepParams& params, bool is_soft,
-                                  BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
+                                  float (&of_wrench)[3][kLanes], float (&applies)[kLanes]) {
   const D zero_d = constant<D>(0), one = constant<D>(1);
   const Half none = constant<Half>(0);
   const auto of_bodies = [at](const float(&lanes)[kLanes]) HWY_ATTR { return load_half(lanes, at); };
@@ -207,9 +413,8 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
           soft_target_speed(separation, impulse, load_half(d.steady_impulse, at), normal_mass, params);
       stiffness = if_positive(widen(separation), stiffness, inverse_softness * widen(normal_mass));
     }
-    float has[kLanes];
-    for (int i = 0; i < kDoubles; ++i) has[i] = static_cast<float>(s.points[at + i] >> k & 1U);
-    const Half bears_half = if_positive(impulse, if_positive(normal_mass, load_half(has, 0), none), none);
+    const Half bears_half =
+        if_positive(impulse, if_positive(normal_mass, bit_of_lanes(s.points, at, k), none), none);
     const D bears = widen(bears_half);
     const D error = if_positive(bears, widen(target_speed - speed), zero_d);
     stiffness = if_positive(bears, stiffness, zero_d);
@@ -238,9 +443,10 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
     wrench.x = wrench.x + impulse, wrench.y = wrench.y + impulse * x, wrench.z = wrench.z + impulse * y;
     store(impulse, b.change, 0);
   }
-  double applies[kDoubles], of_wrench[3][kDoubles];
-  store(hn::IfThenElseZero(is_solved, one), applies, 0);
-  store(wrench.x, of_wrench[0], 0), store(wrench.y, of_wrench[1], 0), store(wrench.z, of_wrench[2], 0);
+  store_narrow(hn::IfThenElseZero(is_solved, one), applies, at);
+  store_narrow(wrench.x, of_wrench[0], at);
+  store_narrow(wrench.y, of_wrench[1], at);
+  store_narrow(wrench.z, of_wrench[2], at);
   for (int k = 0; k < s.point_count; ++k) {
     BatchPoint& p = points.point[s.first_point + k];
     const Half impulse = narrow(hn::IfThenElseZero(is_solved, load(bearing[k].change, 0)));
@@ -248,22 +454,34 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
     if (!is_soft)
       hn::StoreU(load_half(p.total_normal_impulse, at) + impulse, HalfTag(), p.total_normal_impulse + at);
   }
-  for (int i = 0; i < kDoubles; ++i)
-    if (applies[i] != 0.0)
-      apply_wrench(of_wrench[0][i], of_wrench[1][i], of_wrench[2][i], velocity[s.row[at + i]],
-                   inverse_inertia[s.row[at + i]]);
 }
 
 void solve_points(const SupportLanes& s, BatchPoints points, const SubstepParams& params, bool is_soft,
                   BodyVelocity* velocity, const DeltaPose* delta_pose,
                   const InverseInertia* inverse_inertia) {
-  const SupportedBodies bodies(s.row, velocity, delta_pose, inverse_inertia);
-  for (int at = 0; at < kLanes; at += kDoubles)
-    solve_points_from(at, s, bodies, points, params, is_soft, velocity, inverse_inertia);
+  Bodies bodies(s, velocity, inverse_inertia);
+  SupportedBodies of_bodies{};
+  for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth)
+    of_bodies.set(at, bodies.motion[k], bodies.inverse_inertia[k], delta_pose, s.row + at);
+  float wrench[3][kLanes] = {}, applies[kLanes] = {};
+  for (int at = 0; at < s.lane_count; at += kDoubles)
+    solve_points_from(at, s, of_bodies, points, params, is_soft, wrench, applies);
+  if (std::all_of(applies, applies + kLanes, [](float a) { return a == 0.0F; })) return;
+  for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth) {
+    BodyLanes& m = bodies.motion[k];
+    const SymmetricMat3<V>& w = bodies.inverse_inertia[k];
+    const auto is_added = hn::Gt(load(applies, at), zero());
+    const V tx = load(wrench[2], at), ty = hn::Neg(load(wrench[1], at));
+    m.velocity.z = added_if(is_added, m.velocity.z, load(wrench[0], at) * m.inverse_mass);
+    m.angular_velocity.x = added_if(is_added, m.angular_velocity.x, w.xx * tx + w.xy * ty);
+    m.angular_velocity.y = added_if(is_added, m.angular_velocity.y, w.xy * tx + w.yy * ty);
+    m.angular_velocity.z = added_if(is_added, m.angular_velocity.z, w.xz * tx + w.yz * ty);
+  }
+  bodies.store_motion(s, velocity);
 }
 
 const SupportKernelTable* support_table() {
-  static const SupportKernelTable kTable{sum_loads, store_loads, solve_friction, sum_friction, solve_points};
+  static const SupportKernelTable kTable{sum_loads, store_loads, stick, solve_friction, sum_friction, solve_points};
   return &kTable;
 }
 

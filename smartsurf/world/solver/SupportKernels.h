@@ -24,42 +24,55 @@ struct LoadSums {
   double load[3], stiffness[6];
 };
 
-// The friction impulses: Σ (f_x, f_y, torque about z), and the factor s_i by which each sample's cone scales
-// its trial impulse: Σ s_i·(1, x, y, x² + y² + arm²).
-struct FrictionSums {
-  double impulse[3], stiffness[4];
-};
-
 // The patches of the bodies in the lanes of a contact batch.
 struct SupportLanes {
   static constexpr int kMostPoints = 32;
   std::int32_t first_point = 0, point_count = 0;  // of the batch
-  std::int32_t row[kLanes] = {};                  // of the body
+  std::int32_t lane_count = 0;
+  std::int32_t row[kLanes] = {};  // of the body
   std::uint32_t points[kLanes] = {};              // bit k: the patch has the batch's point k; 0: no patch
 };
-// Applies vertical impulses at points (x, y) of a body: their sum, and the sums of impulse·x and impulse·y.
-inline void apply_wrench(double force, double moment_x, double moment_y, BodyVelocity& m,
-                         const InverseInertia& w) {
-  const auto tx = static_cast<float>(moment_y), ty = static_cast<float>(-moment_x);
-  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
-  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
-  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
-  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
-}
+
+// What friction needs to know of these patches for a step; see SupportPatch and SupportSolver.h.
+struct SupportFriction {
+  std::uint32_t points[kLanes] = {};  // as in SupportLanes; 0 if the wrench of the lane is found elsewhere
+  double response[6][kLanes] = {}, inverse_response[6][kLanes] = {}, tangent_mass[kLanes] = {};
+  double centre[2][kLanes] = {}, scale[kLanes] = {}, reach[kLanes] = {}, min_arm[kLanes] = {};
+  float z[kLanes] = {}, friction[kLanes] = {}, belt[2][kLanes] = {};
+};
+// And for a stage. Sets of lanes are bits.
+struct SupportFrictionStage {
+  std::uint32_t lumps = 0;         // whose samples may be solved as one
+  double impulse[3][kLanes] = {};  // of the last stage, then of this one: force along x and y, torque about z
+  // The force and moments of the normal impulses about the centre of mass that are not those of
+  // SupportFriction::points; then of all, in the scaled coordinates of the loads.
+  double wrench[3][kLanes] = {};
+  // Of the body's underside below the centre of mass along x and y, and about z.
+  double velocity[3][kLanes] = {};
+  // ---- of solve_friction()
+  SupportSampleView samples[kLanes];
+  float cone[kLanes][3], offset[kLanes][2];
+};
 
 // See solve_support_points(): compliance of each point, relative to the body's, which shares the load where
 // the points are redundant; and the error of the speed that needs no solution, u/s.
 inline constexpr double kSupportCompliance = 1e-3, kSupportSolved = 1e-7;
+// Tangent mass of all samples of a patch together, as a multiple of the body's.
+inline constexpr double kTangentMassFactor = 8.0;
 
 struct SupportKernelTable {
   void (*sum_loads)(const SupportSampleView&, const float (&load)[3], LoadSums&);
   void (*store_loads)(const SupportSampleView&, const float (&load)[3]);
+  // Finds the wrench and the velocity of the lanes, and the impulse of a proximal step of those that lump:
+  // applies it if the samples can hold it. Returns the set of these lanes.
+  std::uint32_t (*stick)(const SupportLanes&, const SupportFriction&, SupportFrictionStage&, BatchPoints,
+                         BodyVelocity*, const InverseInertia*);
+  // Solves the friction of the samples of these lanes, of at least one, in at most `passes`, and applies it:
   // new_friction = (friction − tangent_mass · slip), scaled into the cone of the loads times the coefficient
-  // of friction, `cone`; with limits, of the stored loads times cone[0]. `velocity` is that of the body's
-  // underside below the centre of mass along x and y, and about z; `offset` leads from the samples to where
-  // their friction acts.
-  void (*solve_friction)(const SupportSampleView&, const float (&cone)[3], const float (&offset)[2],
-                         const float (&velocity)[3], float tangent_mass, FrictionSums&);
+  // of friction, `cone`; with limits, of the stored loads times cone[0]. `offset` leads from the samples to
+  // where their friction acts.
+  void (*solve_friction)(const SupportLanes&, const SupportFriction&, SupportFrictionStage&,
+                         std::uint32_t lanes, int passes, BodyVelocity*, const InverseInertia*);
   void (*sum_friction)(const SupportSampleView&, double (&impulse)[3]);
   // solve_support_points() of patches without shares and elastic tops, of at most kMostPoints points.
   void (*solve_points)(const SupportLanes&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,

@@ -118,7 +118,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     if (b.limit) b.limit->load[lane] += impulse_change;
     force += b.impulse_change, moment_x += b.impulse_change * b.x, moment_y += b.impulse_change * b.y;
   }
-  apply_wrench(force, moment_x, moment_y, m, w);
+  support::apply_wrench({force, moment_x, moment_y}, m, w);
 }
 
 }  // namespace smartsurf::world

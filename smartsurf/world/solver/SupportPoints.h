@@ -20,8 +20,13 @@ inline Vector3 solve(const Matrix3& a, const Vector3& b) {
   return {x.x, x.y, x.z};
 }
 
+// Applies vertical impulses at points (x, y) of a body: their sum, and the sums of impulse·x and impulse·y.
 inline void apply_wrench(const Vector3& wrench, BodyVelocity& m, const InverseInertia& w) {
-  world::apply_wrench(wrench[0], wrench[1], wrench[2], m, w);
+  const auto tx = static_cast<float>(wrench[2]), ty = static_cast<float>(-wrench[1]);
+  m.velocity[2] += static_cast<float>(wrench[0]) * m.inverse_mass;
+  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
+  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
+  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
 }
 
 inline std::span<const std::int32_t> points_of(const SupportPatches& list, const SupportPatch& p) {

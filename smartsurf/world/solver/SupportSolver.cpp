@@ -23,10 +23,6 @@ constexpr double kLoadTolerance = 1e-4;
 constexpr double kCentreTolerance = 0.01;
 constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5,
               kMaxSoftFrictionPasses = 5;
-// Error of the velocity at which a friction solve is accurate enough, u/s.
-constexpr double kVelocityTolerance = 1e-5;
-// Tangent mass of all samples together, as a multiple of the body's.
-constexpr double kTangentMassFactor = 8.0;
 
 SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
   const std::int32_t first = p.first;
@@ -187,12 +183,7 @@ Vector3 wrench_of_points(const SupportPatches& list, const SupportPatch& p, Batc
     moment_x += impulse * static_cast<double>(anchor[0][p.lane]);
     moment_y += impulse * static_cast<double>(anchor[1][p.lane]);
   }
-  return scaled_wrench(p, force, moment_x, moment_y);
-}
-
-Vector3 wrench_of(const SupportPatches& list, const SupportPatch& p, BatchPoints points) {
-  const double(&w)[3] = p.spring_wrench;
-  return p.is_elastic ? scaled_wrench(p, w[0], w[1], w[2]) : wrench_of_points(list, p, points);
+  return {force, moment_x, moment_y};
 }
 
 // Distributes the normal impulses of a patch's points over its samples, within what their cells can give. The
@@ -296,29 +287,57 @@ void spread_friction(SupportSamples& s, SupportPatch& p) {
   }
 }
 
-// True if the samples can hold a patch with this friction impulse: a field in proportion to their loads is
-// within their cones. A bound by the centre of force and the extent of the samples alone, so that the loads
-// need not be known.
-bool can_stick(const SupportPatch& p, const Vector3& target, const Vector3& impulse) {
+// Copies what the kernels of friction read of a patch.
+void copy_to_lane(const SupportPatch& p, int lane, SupportFriction& to) {
+  for (int i = 0; i < 6; ++i)
+    to.response[i][lane] = p.response[i], to.inverse_response[i][lane] = p.inverse_response[i];
+  to.tangent_mass[lane] = p.tangent_mass;
+  to.centre[0][lane] = p.centre_x, to.centre[1][lane] = p.centre_y, to.scale[lane] = p.scale;
+  to.reach[lane] = p.reach, to.min_arm[lane] = p.min_arm;
+  to.z[lane] = p.z, to.friction[lane] = p.friction;
+  to.belt[0][lane] = p.belt_x, to.belt[1][lane] = p.belt_y;
+}
+
+// Finds the loads under the normal impulses of a patch's points, and from them the cones of its samples.
+// False if nothing rubs.
+bool prepare_friction(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft,
+                      const Vector3& target, SupportFrictionStage& stage) {
+  const int lane = p.lane;
+  if (p.is_lumped && may_lump(p)) spread_friction(list.samples, p);
+  const SupportSampleView& samples = stage.samples[lane] = view(list.samples, p);
   const double force = target[0];
-  if (!(force > 0.0)) return false;
-  // The loads' second moment about their centre, per force: least squares leave scale²·(1 − offset²) of a
-  // symmetric patch, and more where samples lift off; somewhat less if it is not symmetric.
-  constexpr double kSpread = 0.9;
-  const double u = target[1] / force, v = target[2] / force, offset_squared = u * u + v * v;
-  const double polar =
-      p.min_arm * p.min_arm + kSpread * p.scale * p.scale * std::max(0.0, 1.0 - offset_squared);
-  const double reach = p.reach + p.scale * std::sqrt(offset_squared);
-  const double x = p.centre_x + u * p.scale, y = p.centre_y + v * p.scale;
-  const double pull = std::sqrt(impulse[0] * impulse[0] + impulse[1] * impulse[1]),
-               torque = std::abs(impulse[2] - (x * impulse[1] - y * impulse[0]));
-  return pull * polar + torque * reach <= static_cast<double>(p.friction) * force * polar;
+  if (p.is_elastic) p.force = force;  // with the loads of its springs
+  double moved[2] = {};               // the centre of force since the loads were distributed
+  const bool keeps_loads = p.is_elastic || (p.force > 0.0 && force > 0.0);
+  for (int i = 0; i < 2 && keeps_loads && !p.is_elastic; ++i)
+    moved[i] = target[i + 1] / force - p.centre_of_force[i];
+  const bool has_moved = std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance;
+  if (!keeps_loads || (!is_soft && has_moved && !p.has_shares)) {
+    if (p.has_shares)
+      distribute_within_limits(list, p, points, target, false);
+    else
+      distribute(samples, p, target);
+    moved[0] = moved[1] = 0.0;
+  }
+  float(&cone)[3] = stage.cone[lane];
+  std::fill_n(cone, 3, 0.0F);
+  const double friction = static_cast<double>(p.friction) * (p.force > 0.0 ? force / p.force : 0.0);
+  if (p.has_shares || p.is_elastic)
+    cone[0] = static_cast<float>(friction);
+  else if (p.force > 0.0)
+    in_world_axes(p, p.load, friction, cone);
+  stage.offset[lane][0] = static_cast<float>(p.offset_x + moved[0] * p.scale);
+  stage.offset[lane][1] = static_cast<float>(p.offset_y + moved[1] * p.scale);
+  return p.force != 0.0 || !Vector3(p.friction_sum).isZero(0.0);
 }
 
 }  // namespace
 
-void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& m, const InverseInertia& w,
-                     float friction, float substep_fraction, std::span<const Contact> contacts) {
+void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const InverseInertia& w,
+                     float friction, float substep_fraction) {
+  SupportPatches& list = *batch.list[lane];
+  SupportPatch& p = *batch.patch[lane];
+  const std::span<const Contact> contacts = batch.contacts[lane];
   SupportSamples& s = list.samples;
   const SupportSampleView samples = view(s, p);
   const float ones[3] = {1.0F, 0.0F, 0.0F};
@@ -341,6 +360,7 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
   std::copy_n(k, 6, p.response);
   store(symmetric(k).inverse(), p.inverse_response);
   p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
+  copy_to_lane(p, lane, batch.friction);
   if (!p.has_friction) {
     for (const std::int32_t i : points_of(list, p)) {
       const Contact& c = contacts[i];
@@ -359,78 +379,46 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
   apply_friction(p, Vector3(p.friction_sum), m, w);
 }
 
-void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft, BodyVelocity& m,
-                   const InverseInertia& w) {
-  const SupportSampleView samples = view(list.samples, p);
-  const Vector3 target = wrench_of(list, p, points);
-  const double force = target[0];
-  const Vector3 old_impulse(p.friction_sum);
-  const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
-                    static_cast<double>(m.velocity[1] - p.z * m.angular_velocity[0]),
-                    static_cast<double>(m.angular_velocity[2]));
-  const Matrix3 inverse_k = symmetric(p.inverse_response);
-  if (may_lump(p)) {
-    // The impulse of a proximal step of all samples.
-    constexpr double kStep = kTangentMassFactor / (1.0 + kTangentMassFactor);
-    const Vector3 slip = now - Vec3(p.belt_x, p.belt_y, 0.0F).cast<double>();
-    const Vector3 impulse = old_impulse - kStep * (inverse_k * slip);
-    if (can_stick(p, target, impulse)) {
+void solve_supports(SupportBatch& batch, std::uint32_t of, BatchPoints points, bool is_soft,
+                    BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
+  const auto bit = [](int lane) { return std::uint32_t{1} << static_cast<unsigned>(lane); };
+  const auto for_each = [&](std::uint32_t lanes, auto each) {
+    batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
+      if ((lanes & bit(lane)) != 0) each(list, p, lane);
+    });
+  };
+  SupportFrictionStage stage;
+  for_each(of, [&](SupportPatches& list, SupportPatch& p, int lane) {
+    for (int i = 0; i < 3; ++i) stage.impulse[i][lane] = p.friction_sum[i];
+    if (may_lump(p)) stage.lumps |= bit(lane);
+    if (batch.friction.points[lane] != 0) return;
+    const Vector3 wrench = p.is_elastic ? Vector3(p.spring_wrench) : wrench_of_points(list, p, points);
+    for (int i = 0; i < 3; ++i) stage.wrench[i][lane] = wrench[i];
+  });
+  const SupportKernelTable& kernels = support_kernels();
+  const std::uint32_t sticks =
+      kernels.stick(batch.lanes, batch.friction, stage, points, velocity, inverse_inertia);
+  std::uint32_t rubs = 0;
+  for_each(of & ~sticks, [&](SupportPatches& list, SupportPatch& p, int lane) {
+    const Vector3 target(stage.wrench[0][lane], stage.wrench[1][lane], stage.wrench[2][lane]);
+    if (prepare_friction(list, p, points, is_soft, target, stage)) rubs |= bit(lane);
+  });
+  if (rubs != 0)
+    kernels.solve_friction(batch.lanes, batch.friction, stage, rubs,
+                           is_soft ? kMaxSoftFrictionPasses : kMaxFrictionPasses, velocity, inverse_inertia);
+  for_each(sticks | rubs, [&](SupportPatches&, SupportPatch& p, int lane) {
+    if ((sticks & bit(lane)) != 0)
       p.is_lumped = true;
-      for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];
-      return apply_friction(p, impulse - old_impulse, m, w);
-    }
-    if (p.is_lumped) spread_friction(list.samples, p);
-  }
-  if (p.is_elastic) p.force = force;  // with the loads of its springs
-  double moved[2] = {};               // the centre of force since the loads were distributed
-  const bool keeps_loads = p.is_elastic || (p.force > 0.0 && force > 0.0);
-  for (int i = 0; i < 2 && keeps_loads && !p.is_elastic; ++i)
-    moved[i] = target[i + 1] / force - p.centre_of_force[i];
-  const bool has_moved = std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance;
-  if (!keeps_loads || (!is_soft && has_moved && !p.has_shares)) {
-    if (p.has_shares)
-      distribute_within_limits(list, p, points, target, false);
     else
-      distribute(samples, p, target);
-    moved[0] = moved[1] = 0.0;
-  }
-  float cone[3] = {};
-  const double friction = static_cast<double>(p.friction) * (p.force > 0.0 ? force / p.force : 0.0);
-  if (p.has_shares || p.is_elastic)
-    cone[0] = static_cast<float>(friction);
-  else if (p.force > 0.0)
-    in_world_axes(p, p.load, friction, cone);
-  const float offset[2] = {static_cast<float>(p.offset_x + moved[0] * p.scale),
-                           static_cast<float>(p.offset_y + moved[1] * p.scale)};
-  if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
-
-  const Matrix3 k = symmetric(p.response);
-  Vector3 q = now, impulse = old_impulse;
-  for (int pass = 0; pass < (is_soft ? kMaxSoftFrictionPasses : kMaxFrictionPasses); ++pass) {
-    const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};
-    FrictionSums sums;
-    support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass),
-                                     sums);
-    impulse = Vector3(sums.impulse);
-    // How far q is from the velocity that these impulses cause.
-    const Vector3 error = (q - now) + k * (old_impulse - impulse);
-    if (std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2]) * p.scale}) <=
-        kVelocityTolerance)
-      break;
-    Matrix3 stiffness = inverse_k;
-    const double t = p.tangent_mass, sw = t * sums.stiffness[0], sx = t * sums.stiffness[1],
-                 sy = t * sums.stiffness[2], polar = t * sums.stiffness[3];
-    stiffness(0, 0) += sw, stiffness(1, 1) += sw, stiffness(2, 2) += polar;
-    stiffness(0, 2) -= sy, stiffness(2, 0) -= sy, stiffness(1, 2) += sx, stiffness(2, 1) += sx;
-    q -= support::solve(stiffness, inverse_k * error);
-  }
-  p.current = 1 - p.current;
-  for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];
-  apply_friction(p, impulse - old_impulse, m, w);
+      p.current = 1 - p.current;
+    for (int i = 0; i < 3; ++i) p.friction_sum[i] = stage.impulse[i][lane];
+  });
 }
 
 void share_loads(SupportPatches& list, SupportPatch& p, BatchPoints points) {
-  if (p.has_shares) distribute_within_limits(list, p, points, wrench_of_points(list, p, points), true);
+  if (!p.has_shares) return;
+  const Vector3 wrench = wrench_of_points(list, p, points);
+  distribute_within_limits(list, p, points, scaled_wrench(p, wrench[0], wrench[1], wrench[2]), true);
 }
 
 void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {

@@ -18,19 +18,41 @@
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/solver/ContactBatch.h"
+#include "smartsurf/world/solver/SupportKernels.h"
 
 namespace smartsurf::world {
 
-// Sets the derived members of a patch, of a body with this velocity row. `contacts`: of the body's manifold;
-// `substep_fraction`: as in SubstepParams.
-void prepare_support(SupportPatches&, SupportPatch&, const BodyVelocity&, const InverseInertia&,
-                     float friction, float substep_fraction, std::span<const Contact> contacts);
+inline constexpr std::uint32_t kAllLanes = (1U << static_cast<unsigned>(kLanes)) - 1U;
+
+// The support patches of the bodies in one batch of static contacts.
+struct SupportBatch {
+  SupportPatches* list[kLanes] = {};
+  SupportPatch* patch[kLanes] = {};              // null: the lane has none
+  std::span<Contact> contacts[kLanes];           // of the body with what is static
+  bool any_in_lanes = false, any_alone = false;  // whether the points of any are solved with the others, and
+                                                 // by themselves
+  SupportLanes lanes;
+  SupportFriction friction;
+
+  // Calls each(list, patch, lane) for the patches.
+  template <class Each>
+  void for_each(Each each) {
+    for (int lane = 0; lane < kLanes; ++lane)
+      if (patch[lane] != nullptr) each(*list[lane], *patch[lane], lane);
+  }
+};
+
+// Sets the derived members of the patch in a lane, of a body with this velocity row. `substep_fraction`: as in
+// SubstepParams.
+void prepare_support(SupportBatch&, int lane, const BodyVelocity&, const InverseInertia&, float friction,
+                     float substep_fraction);
 // Applies the friction impulses of the last step.
 void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
 // Friction within the cones of the normal impulses at the patch's points. The soft impulses of the solve
 // stage are provisional: they are distributed as those of the last relax stage.
-void solve_support(SupportPatches&, SupportPatch&, BatchPoints, bool is_soft, BodyVelocity&,
-                   const InverseInertia&);
+// `of`: the set of the lanes that are solved.
+void solve_supports(SupportBatch&, std::uint32_t of, BatchPoints, bool is_soft, BodyVelocity*,
+                    const InverseInertia*);
 // Gives the load of each cell to its points, at the end of the relax stage, if there are force limits.
 void share_loads(SupportPatches&, SupportPatch&, BatchPoints);
 // Stores the loads over the step at its end, and shares the friction impulse among the contacts, where it
