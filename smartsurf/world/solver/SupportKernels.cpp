@@ -8,7 +8,6 @@
 
 #include <algorithm>
 
-#include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/ContactLanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -16,46 +15,56 @@ namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Sums over samples. Sample i always adds to lane i mod kLanes, and lanes are added in one order, so the
-// result does not depend on the width of a vector.
-template <int kCount>
-struct LaneSums {
-  static constexpr int kPadded = (kCount + kSimd4Width - 1) / kSimd4Width * kSimd4Width;
-  alignas(64) float lanes[kPadded][kLanes];
-  HWY_INLINE void set_lanes(int lane, const V (&sums)[kCount]) {
-    for (int k = 0; k < kCount; ++k) store(sums[k], lanes[k], lane);
-    for (int k = kCount; k < kPadded; ++k) store(zero(), lanes[k], lane);
-  }
-  // ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)) of each sum.
-  HWY_INLINE void totals(double (&out)[kCount]) const {
-    for (int k = 0; k < kPadded; k += kSimd4Width) {
-      Float4 half[2];
-      for (int h = 0; h < 2; ++h) {
-        const int first = h * kSimd4Width;
-        Float4 a = load4(lanes[k] + first), b = load4(lanes[k + 1] + first), c = load4(lanes[k + 2] + first),
-               d = load4(lanes[k + 3] + first);
-        transpose4(a, b, c, d);
-        half[h] = (a + b) + (c + d);
-      }
-      const Float4 total = half[0] + half[1];
-      for (int i = 0; i < kSimd4Width && k + i < kCount; ++i) out[k + i] = static_cast<double>(total[i]);
-    }
-  }
-};
-static_assert(kLanes == 2 * kSimd4Width);
+constexpr int kBlock = 4;  // lanes that add up together
 
-// Calls work(i, sums) for the samples of each vector.
+#if HWY_TARGET == HWY_SCALAR
+
+// Calls work(i, sums) for the samples of each vector, and adds up the lanes of the sums: those of a block as
+// (0 + 1) + (2 + 3), then the blocks. Sample i always adds to lane i mod kLanes, so the result does not depend
+// on the width of a vector.
 template <int kCount, class Work>
-HWY_INLINE LaneSums<kCount> sum_lanes(int count, Work work) {
-  LaneSums<kCount> total;
-  for (int lane = 0; lane < kLanes; lane += kVectorWidth) {
+HWY_INLINE void sum_lanes(int count, Work work, double* out) {
+  float lanes[kCount][kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) {
     V sums[kCount];
     for (V& sum : sums) sum = zero();
     for (int i = lane; i < count; i += kLanes) work(i, sums);
-    total.set_lanes(lane, sums);
+    for (int k = 0; k < kCount; ++k) store(sums[k], lanes[k], lane);
   }
-  return total;
+  for (int k = 0; k < kCount; ++k) {
+    const float(&a)[kLanes] = lanes[k];
+    out[k] = static_cast<double>(((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7])));
+  }
 }
+
+#else
+
+template <int kCount, class Work>
+HWY_INLINE void sum_lanes(int count, Work work, double* out) {
+  constexpr int kGroups = (kCount + kBlock - 1) / kBlock;
+  const hn::CappedTag<float, kBlock> block;
+  hn::Vec<decltype(block)> totals[kGroups];
+  for (int lane = 0; lane < kLanes; lane += kVectorWidth) {
+    V sums[kGroups * kBlock];
+    for (V& sum : sums) sum = zero();
+    for (int i = lane; i < count; i += kLanes) work(i, sums);
+    for (int k = 0; k < kGroups; ++k) {
+      V &a = sums[kBlock * k], &b = sums[kBlock * k + 1], &c = sums[kBlock * k + 2], &d = sums[kBlock * k + 3];
+      transpose(a, b, c, d);
+      const V sum = (a + b) + (c + d);
+#if SMARTSURF_WIDE
+      totals[k] = hn::LowerHalf(block, sum) + hn::UpperHalf(block, sum);
+#else
+      totals[k] = lane == 0 ? sum : totals[k] + sum;
+#endif
+    }
+  }
+  float narrow[kGroups * kBlock];
+  for (int k = 0; k < kGroups; ++k) hn::StoreU(totals[k], block, narrow + kBlock * k);
+  for (int k = 0; k < kCount; ++k) out[k] = static_cast<double>(narrow[k]);
+}
+
+#endif
 
 HWY_INLINE V load_at(const SupportSampleView& s, const float (&load_of)[3], int i) {
   const V value = sum3(set(load_of[0]), set(load_of[1]) * load(s.x, i), set(load_of[2]) * load(s.y, i));
@@ -64,7 +73,8 @@ HWY_INLINE V load_at(const SupportSampleView& s, const float (&load_of)[3], int 
 
 template <bool kLimited>
 void sum_loads_of(const SupportSampleView& s, const float (&load_of)[3], LoadSums& out) {
-  const auto sums = sum_lanes<9>(s.count, [&](int i, V(&sum)[9]) HWY_ATTR {
+  double totals[9];
+  const auto add = [&](int i, V* sum) HWY_ATTR {
     const V x = load(s.x, i), y = load(s.y, i);
     V n = load_at(s, load_of, i), w = hn::IfThenElseZero(hn::Gt(n, zero()), load(s.weight, i));
     if constexpr (kLimited) {
@@ -82,9 +92,8 @@ void sum_loads_of(const SupportSampleView& s, const float (&load_of)[3], LoadSum
     sum[6] = sum[6] + wx * x;
     sum[7] = sum[7] + wx * y;
     sum[8] = sum[8] + wy * y;
-  });
-  double totals[9];
-  sums.totals(totals);
+  };
+  sum_lanes<9>(s.count, add, totals);
   std::copy_n(totals, 3, out.load);
   std::copy_n(totals + 3, 6, out.stiffness);
 }
@@ -110,7 +119,7 @@ HWY_INLINE void rub_samples(const SupportSampleView& s, const float (&cone)[3], 
                             const float (&velocity)[3], float tangent_mass, double (&out)[7]) {
   const V t = set(tangent_mass), vx = set(velocity[0]), vy = set(velocity[1]), w = set(velocity[2]);
   const V offset_x = set(offset[0]), offset_y = set(offset[1]);
-  const auto sums = sum_lanes<7>(s.count, [&](int i, V(&sum)[7]) HWY_ATTR {
+  const auto add = [&](int i, V* sum) HWY_ATTR {
     const V x = load(s.x, i) + offset_x, y = load(s.y, i) + offset_y, arm = load(s.arm, i),
             spin = load(s.spin, i);
     const V surface_x = load(s.velocity_x, i) - spin * offset_y,
@@ -131,19 +140,19 @@ HWY_INLINE void rub_samples(const SupportSampleView& s, const float (&cone)[3], 
     sum[4] = sum[4] + scale * x;
     sum[5] = sum[5] + scale * y;
     sum[6] = sum[6] + scale * sum3(x * x, y * y, arm * arm);
-  });
-  sums.totals(out);
+  };
+  sum_lanes<7>(s.count, add, out);
 }
 
 void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {
-  const auto sums = sum_lanes<3>(s.count, [&](int i, V(&sum)[3]) HWY_ATTR {
+  const auto add = [&](int i, V* sum) HWY_ATTR {
     const V fx = load(s.friction[0], i), fy = load(s.friction[1], i);
     sum[0] = sum[0] + fx;
     sum[1] = sum[1] + fy;
     sum[2] =
         sum[2] + sum3(load(s.x, i) * fy, zero() - load(s.y, i) * fx, load(s.arm, i) * load(s.friction[2], i));
-  });
-  sums.totals(impulse);
+  };
+  sum_lanes<3>(s.count, add, impulse);
 }
 
 // ---- several patches at once, in doubles
