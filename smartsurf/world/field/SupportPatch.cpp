@@ -8,6 +8,7 @@
 #include "smartsurf/world/field/Columns.h"
 #include "smartsurf/world/narrowphase/Distance.h"
 #include "smartsurf/world/simd/Lanes.h"
+#include "smartsurf/world/simd/Simd4.h"
 
 namespace smartsurf::world {
 namespace {
@@ -169,21 +170,26 @@ float weight_of_corner(float separation, float lowest, float gap = kBearingGap) 
 // from the cell's top in the cell's middle.
 void move_to_bearing_corners(const Footprint& f, float separation, const Point2* corner, int count,
                              SharedArea& area) {
-  float lowest = std::numeric_limits<float>::max(), least = 1.0F, sum = 0.0F;
-  for (int i = 0; i < count; ++i) lowest = std::min(lowest, separation + f.rise(corner[i].x, corner[i].y));
+  float low = f.rise(corner[0].x, corner[0].y), high = low;
+  for (int i = 1; i < count; ++i) {
+    const float rise = f.rise(corner[i].x, corner[i].y);
+    low = std::min(low, rise), high = std::max(high, rise);
+  }
+  float lowest = separation + low;
   // On an elastic top, the corners bear that are in it; the weight counts from the lowest.
   float gap = kBearingGap;
   if (f.is_on_elastic_tops && lowest < 0.0F) {
     gap = std::max(gap, -2.0F * lowest);
     separation -= lowest, lowest = 0.0F;
   }
+  const float least = weight_of_corner(separation + high, lowest, gap);
+  if (least == 1.0F) return;
+  float sum = 0.0F;
   Point2 bearing{0.0F, 0.0F};
   for (int i = 0; i < count; ++i) {
     const float weight = weight_of_corner(separation + f.rise(corner[i].x, corner[i].y), lowest, gap);
-    least = std::min(least, weight);
     sum += weight, bearing.x += weight * corner[i].x, bearing.y += weight * corner[i].y;
   }
-  if (least == 1.0F) return;
   area.x += (1.0F - least) * (bearing.x / sum - area.x);
   area.y += (1.0F - least) * (bearing.y / sum - area.y);
 }
@@ -274,8 +280,11 @@ class FootprintOnCells {
     for (int i = 0; i < f.count; ++i) {
       const Point2 &a = f_.corner[i], &b = f_.corner[i + 1 < f.count ? i + 1 : 0];
       const float x = b.y - a.y, y = a.x - b.x;
-      edge_[i] = {x, y, x * a.x + y * a.y, std::abs(x) * half_x_ + std::abs(y) * half_y_};
+      edge_x_[i] = x, edge_y_[i] = y, offset_[i] = x * a.x + y * a.y;
+      reach_[i] = std::abs(x) * half_x_ + std::abs(y) * half_y_;
     }
+    for (int i = f.count; i % kSimd4Width != 0; ++i)  // the first edge again
+      edge_x_[i] = edge_x_[0], edge_y_[i] = edge_y_[0], offset_[i] = offset_[0], reach_[i] = reach_[0];
   }
   // How far the face rises from the middle of a cell to its edge, at most, u.
   float greatest_rise() const { return std::abs(f_.slope_x) * half_x_ + std::abs(f_.slope_y) * half_y_; }
@@ -284,13 +293,15 @@ class FootprintOnCells {
     if (f_.is_line())
       return share_line(f_, separation, {f_.corner[0].x - x, f_.corner[0].y - y},
                         {f_.corner[1].x - x, f_.corner[1].y - y}, half_x_, half_y_, out);
-    bool inside = true;
-    for (int i = 0; i < f_.count; ++i) {
-      const float beyond = edge_[i].x * x + edge_[i].y * y - edge_[i].offset;
-      if (beyond >= edge_[i].reach) return false;
-      inside &= beyond <= -edge_[i].reach;
+    Int4 is_outside{}, is_cut{};
+    for (int i = 0; i < f_.count; i += kSimd4Width) {
+      const Float4 reach = load4(reach_ + i),
+                   beyond = x * load4(edge_x_ + i) + y * load4(edge_y_ + i) - load4(offset_ + i);
+      is_outside |= beyond >= reach;
+      is_cut |= beyond > -reach;
     }
-    if (inside) {
+    if (any_of(is_outside)) return false;
+    if (!any_of(is_cut)) {
       out = {0.0F, 0.0F, 1.0F, kSquareArm * std::sqrt(4.0F * half_x_ * half_y_)};
       const Point2 corners[4] = {
           {-half_x_, -half_y_}, {half_x_, -half_y_}, {half_x_, half_y_}, {-half_x_, half_y_}};
@@ -303,12 +314,10 @@ class FootprintOnCells {
   }
 
  private:
-  struct Edge {
-    float x, y, offset, reach;  // outward normal · p ≤ offset inside; extent of a top along the normal
-  };
   Footprint f_;
   float half_x_, half_y_;
-  Edge edge_[kMaxCorners];
+  // Outward normal · p ≤ offset inside; extent of a top along the normal. In whole vectors.
+  alignas(16) float edge_x_[kMaxCorners], edge_y_[kMaxCorners], offset_[kMaxCorners], reach_[kMaxCorners];
 };
 
 // The contacts of a body that carry its flat underside, and which cells touch it as closely as they do.
@@ -522,6 +531,7 @@ void set_motion(const surface::Field& field, const SupportSamples& s, SupportPat
   patch.is_one_belt = true;
   for (std::size_t i = first; i < s.cell.size(); ++i) {
     const bool turns_or_rises = s.spin[i] != 0.0F || field.speed[s.cell[i]] != 0.0F;
+    patch.turns |= s.spin[i] != 0.0F;
     patch.moves |= s.velocity_x[i] != 0.0F || s.velocity_y[i] != 0.0F || turns_or_rises;
     patch.is_one_belt &=
         !turns_or_rises && s.velocity_x[i] == patch.belt_x && s.velocity_y[i] == patch.belt_y;

@@ -76,6 +76,7 @@ struct SupportPatch {
   // True if all its cells have one surface velocity, that of the belt, which may be 0, and do not turn or
   // rise.
   bool is_one_belt = false;
+  bool turns = false;                  // whether any of its cells has a surface that turns
   float belt_x = 0.0F, belt_y = 0.0F;  // u/s
   bool has_friction = false;           // whether the friction impulses of the last step were found
   bool has_shares = false;             // whether its points are in SupportPatches::shares

@@ -45,6 +45,12 @@ inline Int4 as_int_bits(const Float4& v) {
   std::memcpy(&n, &v, sizeof(n));
   return n;
 }
+// Of comparisons.
+inline bool any_of(const Int4& v) {
+  std::int64_t halves[2];
+  std::memcpy(halves, &v, sizeof(v));
+  return (halves[0] | halves[1]) != 0;
+}
 template <class T>
 auto horizontal_max(const T& v) {
   const auto a = v[0] > v[1] ? v[0] : v[1], b = v[2] > v[3] ? v[2] : v[3];

@@ -28,6 +28,7 @@ struct ContactBatch {
                lane_count = 0;        // points [first_point, first_point + point_count)
   bool has_rolling_friction = false;  // of any lane
   bool has_impulse_limit = false;     // of any point
+  bool has_surface_spin = false;      // of any point
   bool has_face_patch = false;        // of any lane: points with a twist_friction_loss
 };
 

@@ -322,6 +322,7 @@ void Solver::lead_turning_cells(StepContext& context, const Member& member, floa
     if (is_pair(run.kind)) continue;
     for (int i = run.first; i < run.first + run.count; ++i) {
       const ContactBatch& o = graph_.batch(i);
+      if (!o.has_surface_spin) continue;
       for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
         for (int lane = 0; lane < o.lane_count; ++lane) {
           BatchPointDetail& d = detail_[k];
@@ -336,7 +337,7 @@ void Solver::lead_turning_cells(StepContext& context, const Member& member, floa
   }
   if (!has_supports_) return;
   for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p, std::span<Contact>) {
-    for (Index i = p.first; i < p.first + p.count; ++i) {
+    for (Index i = p.first; p.turns && i < p.first + p.count; ++i) {
       const Vec3 change = turned(p.row, list.samples.spin[i]);
       list.samples.velocity_x[i] += change.x(), list.samples.velocity_y[i] += change.y();
     }

@@ -271,6 +271,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         const FourRows surface = rows(kSurfaceRow);
         put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
         put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);
+        o.has_surface_spin |= any_of(surface.w != 0.0F);
       }
       if (o.has_rolling_friction) {
         const FourRows rolling = rows(kRollingRow);
