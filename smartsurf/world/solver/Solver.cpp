@@ -520,7 +520,8 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
       const auto points = support::points_of(list, p);
       for (const std::int32_t k : points)
         batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
-      if (std::is_sorted(points.begin(), points.end())) batch.friction.points[lane] = batch.lanes.points[lane];
+      if (std::is_sorted(points.begin(), points.end()))
+        batch.friction.points[lane] = batch.lanes.points[lane];
     }
     if (batch.any_alone || batch.any_in_lanes) context.supports.push_back(batch);
   };

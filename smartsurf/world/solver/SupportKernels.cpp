@@ -20,8 +20,8 @@ constexpr int kBlock = 4;  // lanes that add up together
 #if HWY_TARGET == HWY_SCALAR
 
 // Calls work(i, sums) for the samples of each vector, and adds up the lanes of the sums: those of a block as
-// (0 + 1) + (2 + 3), then the blocks. Sample i always adds to lane i mod kLanes, so the result does not depend
-// on the width of a vector.
+// (0 + 1) + (2 + 3), then the blocks. Sample i always adds to lane i mod kLanes, so the result does not
+// depend on the width of a vector.
 template <int kCount, class Work>
 HWY_INLINE void sum_lanes(int count, Work work, double* out) {
   float lanes[kCount][kLanes];
@@ -49,7 +49,8 @@ HWY_INLINE void sum_lanes(int count, Work work, double* out) {
     for (V& sum : sums) sum = zero();
     for (int i = lane; i < count; i += kLanes) work(i, sums);
     for (int k = 0; k < kGroups; ++k) {
-      V &a = sums[kBlock * k], &b = sums[kBlock * k + 1], &c = sums[kBlock * k + 2], &d = sums[kBlock * k + 3];
+      V &a = sums[kBlock * k], &b = sums[kBlock * k + 1], &c = sums[kBlock * k + 2],
+        &d = sums[kBlock * k + 3];
       transpose(a, b, c, d);
       const V sum = (a + b) + (c + d);
 #if SMARTSURF_WIDE
@@ -237,8 +238,8 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   for (int k = 0; k < s.point_count; ++k) {
     const BatchPointDetail& d = points.detail[s.first_point + k];
     const Half has = bit_of_lanes(f.points, at, k);
-    const D impulse = widen(
-        if_positive(has, load_half(points.point[s.first_point + k].normal_impulse, at), none));
+    const D impulse =
+        widen(if_positive(has, load_half(points.point[s.first_point + k].normal_impulse, at), none));
     wrench.x = wrench.x + impulse;
     wrench.y = wrench.y + impulse * load_wide(d.anchor_a[0], at);
     wrench.z = wrench.z + impulse * load_wide(d.anchor_a[1], at);
@@ -265,9 +266,8 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   const D x = centre_x + u * extent, y = centre_y + v * extent;
   const D pull = hn::Sqrt(impulse.x * impulse.x + impulse.y * impulse.y),
           torque = hn::Abs(impulse.z - (x * impulse.y - y * impulse.x));
-  const auto sticks =
-      hn::And(hn::Gt(wrench.x, zero_d),
-              hn::Le(pull * polar + torque * reach, load_wide(f.friction, at) * wrench.x * polar));
+  const auto sticks = hn::And(hn::Gt(wrench.x, zero_d), hn::Le(pull * polar + torque * reach,
+                                                               load_wide(f.friction, at) * wrench.x * polar));
   double lumps[kDoubles];
   for (int i = 0; i < kDoubles; ++i) lumps[i] = static_cast<double>(stage.lumps >> (at + i) & 1U);
   const auto applies = hn::And(sticks, hn::Gt(load(lumps, 0), zero_d));
@@ -322,10 +322,9 @@ void solve_friction(const SupportLanes& s, const SupportFriction& f, SupportFric
                                     static_cast<float>(q[2][lane])};
       const SupportSampleView& samples = stage.samples[lane];
       double of_lane[7];
-      (samples.limit ? rub_samples<true> : rub_samples<false>)(samples, stage.cone[lane], stage.offset[lane],
-                                                               at_velocity,
-                                                               static_cast<float>(f.tangent_mass[lane]),
-                                                               of_lane);
+      (samples.limit ? rub_samples<true>
+                     : rub_samples<false>)(samples, stage.cone[lane], stage.offset[lane], at_velocity,
+                                           static_cast<float>(f.tangent_mass[lane]), of_lane);
       for (int k = 0; k < 7; ++k) sums[k][lane] = of_lane[k];
     }
     double is_open[kLanes] = {};
@@ -336,15 +335,16 @@ void solve_friction(const SupportLanes& s, const SupportFriction& f, SupportFric
       // How far q is from the velocity that these impulses cause.
       const Vector3<D> error =
           (at_velocity - now) + multiply(load_symmetric(f.response, at), old_impulse - impulse);
-      const D greatest = hn::Max(hn::Max(hn::Abs(error.x), hn::Abs(error.y)),
-                                 hn::Abs(error.z) * load(f.scale, at));
+      const D greatest =
+          hn::Max(hn::Max(hn::Abs(error.x), hn::Abs(error.y)), hn::Abs(error.z) * load(f.scale, at));
       const SymmetricMat3<D> inverse = load_symmetric(f.inverse_response, at);
       const D t = load(f.tangent_mass, at), sw = t * load(sums[3], at), sx = t * load(sums[4], at),
               sy = t * load(sums[5], at), polar = t * load(sums[6], at);
       const SymmetricMat3<D> stiffness{inverse.xx + sw, inverse.yy + sw, inverse.zz + polar,
                                        inverse.xy,      inverse.xz - sy, inverse.yz + sx};
       store3<double>(at_velocity - solve_symmetric(stiffness, multiply(inverse, error)), q, at);
-      store(hn::IfThenElseZero(hn::Gt(greatest, constant<D>(kVelocityTolerance)), constant<D>(1)), is_open, at);
+      store(hn::IfThenElseZero(hn::Gt(greatest, constant<D>(kVelocityTolerance)), constant<D>(1)), is_open,
+            at);
     }
     for (int lane = 0; lane < s.lane_count; ++lane)
       if (!(is_open[lane] > 0.0)) open &= ~(std::uint32_t{1} << static_cast<unsigned>(lane));
@@ -490,7 +490,8 @@ void solve_points(const SupportLanes& s, BatchPoints points, const SubstepParams
 }
 
 const SupportKernelTable* support_table() {
-  static const SupportKernelTable kTable{sum_loads, store_loads, stick, solve_friction, sum_friction, solve_points};
+  static const SupportKernelTable kTable{sum_loads,      store_loads,  stick,
+                                         solve_friction, sum_friction, solve_points};
   return &kTable;
 }
 

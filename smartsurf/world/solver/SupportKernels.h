@@ -29,8 +29,8 @@ struct SupportLanes {
   static constexpr int kMostPoints = 32;
   std::int32_t first_point = 0, point_count = 0;  // of the batch
   std::int32_t lane_count = 0;
-  std::int32_t row[kLanes] = {};  // of the body
-  std::uint32_t points[kLanes] = {};              // bit k: the patch has the batch's point k; 0: no patch
+  std::int32_t row[kLanes] = {};      // of the body
+  std::uint32_t points[kLanes] = {};  // bit k: the patch has the batch's point k; 0: no patch
 };
 
 // What friction needs to know of these patches for a step; see SupportPatch and SupportSolver.h.

@@ -42,8 +42,8 @@ struct SupportBatch {
   }
 };
 
-// Sets the derived members of the patch in a lane, of a body with this velocity row. `substep_fraction`: as in
-// SubstepParams.
+// Sets the derived members of the patch in a lane, of a body with this velocity row. `substep_fraction`: as
+// in SubstepParams.
 void prepare_support(SupportBatch&, int lane, const BodyVelocity&, const InverseInertia&, float friction,
                      float substep_fraction);
 // Applies the friction impulses of the last step.

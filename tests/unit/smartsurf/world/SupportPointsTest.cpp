@@ -25,7 +25,7 @@ struct Batch {
     const auto draw = [&random](float low, float high) {
       return std::uniform_real_distribution<float>(low, high)(random);
     };
-    lanes.point_count = kPoints;
+    lanes.point_count = kPoints, lanes.lane_count = kLanes;
     for (int lane = 0; lane < kLanes; ++lane) {
       lanes.row[lane] = lane;
       for (int i = 0; i < 3; ++i) {
