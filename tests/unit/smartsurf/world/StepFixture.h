@@ -72,7 +72,8 @@ struct StepFixture {
                  false,
                  joints,
                  tips,
-                 skin},
+                 skin,
+                 has_room},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
@@ -101,6 +102,9 @@ struct StepFixture {
   JointSolver joints;
   TipSolver tips;
   SkinSolver skin{kDt, -kGravity, 4};
+  ImpactSolver::HasRoom has_room = [this](std::int32_t body, std::int32_t partner, float reach) {
+    return pipeline.has_room(bodies, static_cast<std::size_t>(body), partner, reach);
+  };
   CollisionPipeline pipeline;
   Solver solver;
   ContactList pair_contacts, static_contacts;
