@@ -173,7 +173,8 @@ HWY_INLINE void store_narrow(D a, float* lanes, int first) {
 }
 HWY_INLINE Half bit_of_lanes(const std::uint32_t (&bits)[kLanes], int first, int bit) {
   float is_set[kDoubles];
-  for (int i = 0; i < kDoubles; ++i) is_set[i] = static_cast<float>(bits[first + i] >> bit & 1U);
+  for (int i = 0; i < kDoubles; ++i)
+    is_set[i] = static_cast<float>(bits[first + i] >> static_cast<unsigned>(bit) & 1U);
   return load_half(is_set, 0);
 }
 
@@ -217,7 +218,7 @@ HWY_INLINE void apply_friction(const SupportFriction& f, const float (&change)[3
   }
 }
 
-// The third row sums in another order than the others.
+// The third row sums in another order than the others, which decides the last bit.
 HWY_INLINE Vector3<D> multiply(const SymmetricMat3<D>& m, const Vector3<D>& u) {
   return {sum3(m.xx * u.x, m.xy * u.y, m.xz * u.z), sum3(m.xy * u.x, m.yy * u.y, m.yz * u.z),
           m.xz * u.x + (m.yz * u.y + m.zz * u.z)};
@@ -235,7 +236,7 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   const D zero_d = constant<D>(0), one = constant<D>(1);
   const Half none = constant<Half>(0);
   Vector3<D> wrench = load3(stage.wrench, at);
-  for (int k = 0; k < s.point_count; ++k) {
+  for (int k = 0; k < s.point_count && k < SupportLanes::kMostPoints; ++k) {
     const BatchPointDetail& d = points.detail[s.first_point + k];
     const Half has = bit_of_lanes(f.points, at, k);
     const D impulse =
@@ -269,7 +270,8 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   const auto sticks = hn::And(hn::Gt(wrench.x, zero_d), hn::Le(pull * polar + torque * reach,
                                                                load_wide(f.friction, at) * wrench.x * polar));
   double lumps[kDoubles];
-  for (int i = 0; i < kDoubles; ++i) lumps[i] = static_cast<double>(stage.lumps >> (at + i) & 1U);
+  for (int i = 0; i < kDoubles; ++i)
+    lumps[i] = static_cast<double>(stage.lumps >> static_cast<unsigned>(at + i) & 1U);
   const auto applies = hn::And(sticks, hn::Gt(load(lumps, 0), zero_d));
   const Vector3<D> difference = impulse - old_impulse;
   store_narrow(difference.x, change[0], at);
