@@ -45,7 +45,8 @@ struct Contact {
   // the patch's load: the corners would bear a twist as a ring does, not as a face. Equal in all contacts of
   // a patch, of which a manifold has one at most; 0 elsewhere.
   float twist_friction_loss = 0.0F;
-  // When the point is at the anchor, from the start of the step (narrowphase/RollingPoints.h).
+  // When the point is at the anchor, from the start of the step (narrowphase/RollingPoints.h); negative while
+  // it is to be moved there (narrowphase/PairContacts.h).
   float anchor_time_s = 0.0F;
 
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }

@@ -105,13 +105,18 @@ void predict_meetings(const BodyStore& bodies, std::size_t a, std::size_t b, flo
       c.anchor = -radius_a * c.normal;
       c.separation = -fraction * c.normal.dot(movement);
     } else {
-      c.anchor_time_s = c.separation / speed;
-      const Vec3 movement = c.anchor_time_s * relative_velocity,
-                 aside = movement - c.normal.dot(movement) * c.normal;
-      // The point is fixed on a sphere; it may be a corner of either of two other bodies.
-      if (!bodies.is_sphere[a]) c.anchor -= bodies.is_sphere[b] ? movement : Vec3(0.5F * aside);
+      c.anchor_time_s = -c.separation / speed;
     }
   }
+}
+
+void move_to_meeting(const BodyStore& bodies, std::size_t a, std::size_t b, Contact& c) {
+  if (c.anchor_time_s >= 0.0F) return;
+  c.anchor_time_s = -c.anchor_time_s;
+  const Vec3 movement = c.anchor_time_s * (bodies.velocity(a) - bodies.velocity(b)),
+             aside = movement - c.normal.dot(movement) * c.normal;
+  // The point is fixed on a sphere; it may be a corner of either of two other bodies.
+  if (!bodies.is_sphere[a]) c.anchor -= bodies.is_sphere[b] ? movement : Vec3(0.5F * aside);
 }
 
 void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out) {

@@ -20,9 +20,13 @@ void collide_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin
 // a's origin.
 void collide_placed(const PlacedShape& a, const PlacedShape& b, float margin, std::vector<Contact>& out);
 
-// Moves the points of contacts that close within the step to where the bodies will meet, as they move now: of
-// two spheres the normal as well. Anchors are from a's origin.
+// Finds the contacts that close within the step, as the bodies move now. Those of two spheres get the normal
+// and the point at which these will meet; the others get their time to it, negative until move_to_meeting():
+// seams are corrected where the points are at the start of the step. Anchors are from a's origin.
 void predict_meetings(const BodyStore&, std::size_t a, std::size_t b, float dt_s, std::span<Contact>);
+
+// Moves the point of such a contact to where the bodies will meet.
+void move_to_meeting(const BodyStore&, std::size_t a, std::size_t b, Contact&);
 
 // When spheres whose centres are at `distance` from each other touch, as a fraction of a movement relative to
 // each other; above 1 or infinite: not within it.

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "common/memory/Prefetch.h"
+#include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/Solver.h"
 
@@ -77,6 +78,14 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   set_batch_bodies(context, o, index, kind);
   shared_batches_.mark_foreign_rows(o, context.own_rows);
   const bool is_static = !is_pair(kind);
+  if (!is_static && !is_sphere_kind(kind)) {
+    ContactList& pairs = context.input.pair_contacts;
+    for (int lane = 0; lane < o.lane_count; ++lane) {
+      const Manifold& m = pairs.manifolds[graph_.manifold(index, lane)];
+      for (Contact& c : pairs.contacts_of(m))
+        move_to_meeting(context.bodies, static_cast<std::size_t>(m.a), static_cast<std::size_t>(m.b), c);
+    }
+  }
   const BatchContacts contacts = contacts_of_batch(context, kind, index);
   fill_points(context, kind, o, contacts);
   if (is_static && !context.input.cell_limits.empty())
