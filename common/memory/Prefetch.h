@@ -10,15 +10,4 @@ inline void prefetch(const void* address) noexcept {
   asm volatile("");
 }
 
-// The same for memory that is to be written: other cores lose the line.
-inline void prefetch_to_write(const void* address) noexcept {
-#if defined(__x86_64__)
-  // GCC emits this instruction only for processors that are known to have it; others ignore it.
-  asm volatile("prefetchw %0" : : "m"(*static_cast<const char*>(address)));
-#else
-  __builtin_prefetch(address, 1);
-  asm volatile("");
-#endif
-}
-
 }  // namespace common

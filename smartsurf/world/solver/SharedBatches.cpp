@@ -32,27 +32,14 @@ bool SharedBatches::touches_shared_row(const ContactBatch& o) const {
   return any != 0;
 }
 
-void SharedBatches::append_shared_rows(const ContactBatch& o, std::vector<std::int32_t>& rows) const {
-  for (int lane = 0; lane < o.lane_count; ++lane) {
-    if (is_shared(o.a[lane])) rows.push_back(o.a[lane]);
-    if (o.b[lane] != o.a[lane] && is_shared(o.b[lane])) rows.push_back(o.b[lane]);
-  }
-}
-
 void SharedBatches::split_batches(const ConstraintGraph& graph, const Member& member) {
   MemberBatches& batches = member_batches_[static_cast<std::size_t>(member.index)];
   batches.shared.clear();
   batches.own.clear();
-  batches.rows.clear();
-  batches.first_row.assign(1, 0);
   for (std::size_t i = 0; i <= graph.colours().size(); ++i) {
     for (const BatchRange& run : graph.own_batches(member, i))
-      for (int o = run.first; o < run.first + run.count; ++o) {
-        const bool is_shared = touches_shared_row(graph.batch(o));
-        (is_shared ? batches.shared : batches.own).append({run.kind, o, 1});
-        if (is_shared) append_shared_rows(graph.batch(o), batches.rows);
-      }
-    batches.first_row.push_back(batches.rows.size());
+      for (int o = run.first; o < run.first + run.count; ++o)
+        (touches_shared_row(graph.batch(o)) ? batches.shared : batches.own).append({run.kind, o, 1});
     batches.shared.end_colour();
     batches.own.end_colour();
   }

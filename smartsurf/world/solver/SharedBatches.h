@@ -31,22 +31,12 @@ class SharedBatches {
   std::span<const BatchRange> own(const Member& member, std::size_t i) const {
     return member_batches_[static_cast<std::size_t>(member.index)].own.of(i);
   }
-  // The rows of shared(member, i) that other members move too, so that they are in other caches.
-  std::span<const std::int32_t> shared_rows(const Member& member, std::size_t i) const {
-    const MemberBatches& batches = member_batches_[static_cast<std::size_t>(member.index)];
-    const std::size_t begin = batches.first_row[i];
-    return std::span(batches.rows).subspan(begin, batches.first_row[i + 1] - begin);
-  }
 
  private:
   struct alignas(128) MemberBatches {
     BatchRangesByColour shared, own;
-    std::vector<std::int32_t> rows;      // of shared_rows(), by colour
-    std::vector<std::size_t> first_row;  // by colour: first entry in `rows`; one more at the end
   };
-  bool is_shared(std::int32_t row) const { return is_shared_row_[static_cast<std::size_t>(row)] != 0; }
   bool touches_shared_row(const ContactBatch&) const;
-  void append_shared_rows(const ContactBatch&, std::vector<std::int32_t>& rows) const;
 
   // Indexed by row: whether a member other than its owner moves the body.
   std::vector<std::uint8_t> is_shared_row_;

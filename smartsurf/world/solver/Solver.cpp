@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/memory/Prefetch.h"
 #include "smartsurf/world/solver/SupportPoints.h"
 #include "smartsurf/world/solver/SupportSprings.h"
 
@@ -378,9 +377,6 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
       // Own batches touch no row of another member's contacts, but the stage before may have changed any row.
       const auto shared = shared_batches_.shared(member, i);
       if (i == 0 || !shared.empty()) member.wait();
-      // All at once: each comes from another core.
-      for (const std::int32_t row : shared_batches_.shared_rows(member, i))
-        common::prefetch_to_write(&velocity_[row]);
       run(shared);
       member.arrive();
       run(shared_batches_.own(member, i));
