@@ -163,8 +163,8 @@ void ConstraintGraph::collect_own_batches(const Member& member) {
   own.end_colour();
 }
 
-// The batches of each key whose first manifold is in the member's slabs: their bodies are too, except for
-// neighbours of the next member's slabs.
+// An even share of the batches of each key, in which those of a member's slabs are contiguous and those of
+// its neighbours next to them. What is left over goes to one member after the other.
 void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
   if (run.count == 0) return;
   MemberBatchRanges& own = member_batches_[member.index];
@@ -173,14 +173,16 @@ void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& me
   const auto end = first_of_key_.begin() + key_count() + 1;
   const auto key_of_run = std::upper_bound(first_of_key_.begin(), end, begin) - first_of_key_.begin() - 1;
   const auto group = key_of_run / kPointCountBuckets;
+  auto batches_before = [&](int position) { return run.first + (position - begin + kLanes - 1) / kLanes; };
   for (auto key = group * kPointCountBuckets; key < (group + 1) * kPointCountBuckets; ++key) {
-    // After sort_manifolds() a member's offsets are those where the next member's manifolds begin.
-    const auto first_batch_of = [&](int m) {
-      const int first = m == 0 ? first_of_key_[key] : key_offsets_[m - 1][key];
-      return run.first + (first - begin + kLanes - 1) / kLanes;
+    const int first = batches_before(first_of_key_[key]),
+              count = batches_before(first_of_key_[key + 1]) - first;
+    const auto share_before = [&](int members) {
+      return static_cast<int>((static_cast<long>(count) * members + first % member.member_count) /
+                              member.member_count);
     };
-    const int from = first_batch_of(member.index), to = first_batch_of(member.index + 1);
-    own.append({run.kind, from, to - from});
+    const int from = share_before(member.index), to = share_before(member.index + 1);
+    own.append({run.kind, first + from, to - from});
   }
 }
 

@@ -66,8 +66,8 @@ class ConstraintGraph {
   BatchRange sphere_static() const { return sphere_static_; }
   BatchRange general_static() const { return general_static_; }
 
-  // The member's batches of the i-th colour; for i = colours().size(), those of static contacts: those of its
-  // slabs. The overflow set belongs to the caller of Team::run.
+  // The member's batches of the i-th colour; for i = colours().size(), those of static contacts. Each member
+  // has as many as the others, near its slabs. The overflow set belongs to the caller of Team::run.
   std::span<const BatchRange> own_batches(const Member& member, std::size_t i) const {
     return member_batches_[member.index].of(i);
   }
@@ -110,8 +110,7 @@ class ConstraintGraph {
   std::vector<std::uint8_t> manifold_colour_;
   int colour_count_ = 0;                    // static contacts not included
   std::vector<std::int16_t> manifold_key_;  // pairs first, then static contacts
-  // The number of manifolds in a member's slabs by key, then their first position in sorted_manifolds_, at
-  // last their end there.
+  // The number of manifolds in a member's slabs by key, then their first position in sorted_manifolds_.
   std::vector<KeyOffsets> key_offsets_;
   // A single member sets those of the first key of a group, and of the others where the group is not empty.
   std::array<std::int32_t, kMaxKeys + 1> first_of_key_;
