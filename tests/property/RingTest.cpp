@@ -212,7 +212,7 @@ TEST_P(RingTest, ObjectsEnterNoPin) {
 }
 INSTANTIATE_TEST_SUITE_P(Steps, RingTest,
                          testing::Values(Bound{1.0 / 60, 4, 0.15, {}}, Bound{1.0 / 120, 4, 0.08, {}},
-                                         Bound{1.0 / 240, 6, 0.05, {100, 122, 191}},
+                                         Bound{1.0 / 240, 6, 0.055, {100, 122, 191}},
                                          Bound{1.0 / 960, 2, 0.03, {40}}));
 
 }  // namespace
