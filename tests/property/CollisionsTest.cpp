@@ -144,7 +144,7 @@ struct SolidBody {
 template <class Draw>
 SolidBody draw_body(const Draw& draw) {
   const double kind = draw(0, 3), r = draw(0.3, 1), h = draw(0.4, 2);
-  const Vector3d size(draw(0.5, 2), draw(0.5, 2), draw(0.5, 2)), squares = size.cwiseAbs2();
+  const Vector3d size{draw(0.5, 2), draw(0.5, 2), draw(0.5, 2)}, squares = size.cwiseAbs2();
   if (kind < 1) return {sphere(r, {0, 0, 0}), r, Vector3d::Constant(0.4 * r * r)};
   if (kind < 2)
     return {box(size, {0, 0, 0}), size.norm() / 2, (Vector3d::Constant(squares.sum()) - squares) / 12};
@@ -168,7 +168,7 @@ std::vector<double> changes_of_angular_momentum(double restitution, double dt_s,
     fixture.scene.materials[0].restitution = restitution;
     fixture.scene.materials[0].friction = draw(0, 1);
     SolidBody bodies[] = {draw_body(draw), draw_body(draw)};
-    const Vector3d centre(15, 15, 12), along = draw_direction(draw),
+    const Vector3d centre(15, 15, 30), along = draw_direction(draw),
                                        aside = along.cross(draw_direction(draw));
     const double radii = bodies[0].radius + bodies[1].radius, gap = draw(0.3, 0.7), speed = draw(2, 16),
                  share = draw(0, 1);
@@ -178,8 +178,9 @@ std::vector<double> changes_of_angular_momentum(double restitution, double dt_s,
     bodies[1].spec.velocity = -speed * (1 - share) * along;
     for (SolidBody& b : bodies) {
       b.spec.mass = std::pow(10.0, draw(-0.5, 0.5));
-      b.spec.orientation = Eigen::AngleAxisd(draw(0, 3), draw_direction(draw));
-      b.spec.angular_velocity = draw(0, 10) * draw_direction(draw);
+      b.spec.orientation = Eigen::AngleAxisd{draw(0, 3), draw_direction(draw)};
+      const double spin = draw(0, 10);
+      b.spec.angular_velocity = spin * draw_direction(draw);
       fixture.add(b.spec);
     }
     double scale = 0;
