@@ -101,7 +101,9 @@ enum smartsurf_plugin_shape {
   SMARTSURF_SOLID = 5     /* edge lengths of the bounding box */
 };
 
-/* The objects, ascending by id, and everything that has ever been created. */
+/* The objects, ascending by id, and everything that has ever been created. For an actuator's forces the poses
+ * are those to which the velocities take the objects by the mean of the times at which the step's substeps
+ * begin. */
 typedef struct smartsurf_plugin_objects {
   uint32_t size;
   uint32_t count;

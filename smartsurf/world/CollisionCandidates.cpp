@@ -57,10 +57,11 @@ bool CollisionPipeline::has_room(const BodyStore& bodies, std::size_t body, std:
     const float distance = half.x() + bodies.bounding_radius[other] + travel_[other];
     found |= (bodies.position[other] - at).squaredNorm() < distance * distance;
   };
-  for (const UniformGrid* grid : std::initializer_list<const UniformGrid*>{grid_, &sleeper_grid_}) {
-    grid->for_each_in_box(at - half, at + half, test);
-    std::ranges::for_each(grid->large_bodies(), test);
-  }
+  const auto test_grid = [&](const UniformGrid& grid) {
+    if (!found) grid.for_each_in_box(at - half, at + half, test);
+    if (!found) std::ranges::for_each(grid.large_bodies(), test);
+  };
+  test_grid(*grid_), test_grid(sleeper_grid_);
   return !found;
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/world/Substeps.h"
 #include "smartsurf/world/body/BodyIndex.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
@@ -35,7 +36,7 @@ class CollisionPipeline {
   CollisionPipeline(const surface::Field& field, float dt_s, int substeps, float ground)
       : field_(field),
         dt_s_(dt_s),
-        mean_substep_start_s_(0.5F * dt_s * static_cast<float>(substeps - 1) / static_cast<float>(substeps)),
+        mean_substep_start_s_(mean_substep_start(dt_s, substeps)),
         ground_height_(ground),
         collider_(field),
         field_cache_(field) {}
@@ -218,7 +219,7 @@ class CollisionPipeline {
 
   const surface::Field& field_;
   float dt_s_;
-  float mean_substep_start_s_;  // when impulses act on average, from the start of the step
+  float mean_substep_start_s_;
   float ground_height_;
   FieldCollider collider_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale

@@ -28,11 +28,6 @@ struct ContactPoint {
   std::optional<scene::ObjectId> other;  // absent: a cell or the ground
 };
 
-// Of a step's substeps, from the start of the step, s.
-inline float mean_substep_start(float dt_s, int substeps) {
-  return 0.5F * dt_s * static_cast<float>(substeps - 1) / static_cast<float>(substeps);
-}
-
 class Engine {
  public:
   Engine() = default;

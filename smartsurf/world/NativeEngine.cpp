@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "smartsurf/world/Substeps.h"
 namespace smartsurf::world {
 namespace {
 

@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 #include "tests/property/PhysicsFixture.h"
@@ -198,7 +197,6 @@ std::vector<double> changes_of_angular_momentum(double restitution, double dt_s,
       }
       return sum;
     };
-    fixture.world();
     const Vector3d before = angular_momentum(), velocity_before = fixture.world().state(0).velocity;
     const double scale_before = scale;
     fixture.run(2 * (radii + gap) / speed + 0.2);

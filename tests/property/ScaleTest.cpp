@@ -8,6 +8,7 @@
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Solid.h"
+#include "smartsurf/world/Substeps.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;

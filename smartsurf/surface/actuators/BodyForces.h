@@ -9,8 +9,9 @@
 
 namespace smartsurf::surface {
 
-// Live objects at the beginning of a physics step, ascending by id, one entry per object in each span. The
-// physics owns the memory; the spans are valid until its next step.
+// Live objects before a physics step, ascending by id, one entry per object in each span: their velocities,
+// and the poses to which these take them by the mean of the times at which the substeps begin, when forces
+// act. The physics owns the memory; the spans are valid until its next step.
 struct BodyView {
   std::span<const scene::ObjectId> id;
   std::span<const Eigen::Vector3f> position;          // of the origin, u

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "smartsurf/world/Substeps.h"
 #include "smartsurf/world/bullet/BulletJoint.h"
 #include "smartsurf/world/bullet/BulletShape.h"
 #include "smartsurf/world/bullet/CellPool.h"

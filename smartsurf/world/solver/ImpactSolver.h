@@ -154,9 +154,9 @@ class ImpactSolver {
   void wait_for_turn(const Point&, const Turns&, std::uint32_t sweep, bool is_backward);
   void end_turn(const Point&);
   void find_hits(const Step&);
+  bool meet(const Step&, Hit&) const;
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
-  bool meet(const Step&, Hit&) const;
   void set_back(const Step&, const Manifold&, const Contact&, float min_overlap, Hit* hit = nullptr);
   void move_on(const Step&);
   void move_pair_on(const Step&, std::size_t first, std::size_t end);

@@ -337,7 +337,8 @@ void Solver::lead_turning_cells(StepContext& context, const Member& member, floa
   }
   if (!has_supports_) return;
   for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p, std::span<Contact>) {
-    for (Index i = p.first; p.turns && i < p.first + p.count; ++i) {
+    if (!p.turns) return;
+    for (Index i = p.first; i < p.first + p.count; ++i) {
       const Vec3 change = turned(p.row, list.samples.spin[i]);
       list.samples.velocity_x[i] += change.x(), list.samples.velocity_y[i] += change.y();
     }

@@ -78,7 +78,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   set_batch_bodies(context, o, index, kind);
   shared_batches_.mark_foreign_rows(o, context.own_rows);
   const bool is_static = !is_pair(kind);
-  if (!is_static && !is_sphere_kind(kind)) {
+  if (!is_static && !is_sphere_kind(kind)) {  // seams have been corrected
     ContactList& pairs = context.input.pair_contacts;
     for (int lane = 0; lane < o.lane_count; ++lane) {
       const Manifold& m = pairs.manifolds[graph_.manifold(index, lane)];

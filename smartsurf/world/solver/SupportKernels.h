@@ -40,14 +40,14 @@ struct SupportFriction {
   double centre[2][kLanes] = {}, scale[kLanes] = {}, reach[kLanes] = {}, min_arm[kLanes] = {};
   float z[kLanes] = {}, friction[kLanes] = {}, belt[2][kLanes] = {};
 };
-// And for a stage. Sets of lanes are bits.
+// What a stage of theirs reads and finds. A set of lanes has a bit for each.
 struct SupportFrictionStage {
   std::uint32_t lumps = 0;         // whose samples may be solved as one
   double impulse[3][kLanes] = {};  // of the last stage, then of this one: force along x and y, torque about z
   // The force and moments of the normal impulses about the centre of mass that are not those of
   // SupportFriction::points; then of all, in the scaled coordinates of the loads.
   double wrench[3][kLanes] = {};
-  // Of the body's underside below the centre of mass along x and y, and about z.
+  // That of the body's underside below the centre of mass, along x and y, and the spin about z.
   double velocity[3][kLanes] = {};
   // ---- of solve_friction()
   SupportSampleView samples[kLanes];

@@ -379,16 +379,16 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
   apply_friction(p, Vector3(p.friction_sum), m, w);
 }
 
-void solve_supports(SupportBatch& batch, std::uint32_t of, BatchPoints points, bool is_soft,
+void solve_supports(SupportBatch& batch, std::uint32_t lanes, BatchPoints points, bool is_soft,
                     BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
   const auto bit = [](int lane) { return std::uint32_t{1} << static_cast<unsigned>(lane); };
-  const auto for_each = [&](std::uint32_t lanes, auto each) {
+  const auto for_each_of = [&](std::uint32_t set, auto each) {
     batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
-      if ((lanes & bit(lane)) != 0) each(list, p, lane);
+      if ((set & bit(lane)) != 0) each(list, p, lane);
     });
   };
   SupportFrictionStage stage;
-  for_each(of, [&](SupportPatches& list, SupportPatch& p, int lane) {
+  for_each_of(lanes, [&](SupportPatches& list, SupportPatch& p, int lane) {
     for (int i = 0; i < 3; ++i) stage.impulse[i][lane] = p.friction_sum[i];
     if (may_lump(p)) stage.lumps |= bit(lane);
     if (batch.friction.points[lane] != 0) return;
@@ -399,14 +399,14 @@ void solve_supports(SupportBatch& batch, std::uint32_t of, BatchPoints points, b
   const std::uint32_t sticks =
       kernels.stick(batch.lanes, batch.friction, stage, points, velocity, inverse_inertia);
   std::uint32_t rubs = 0;
-  for_each(of & ~sticks, [&](SupportPatches& list, SupportPatch& p, int lane) {
+  for_each_of(lanes & ~sticks, [&](SupportPatches& list, SupportPatch& p, int lane) {
     const Vector3 target(stage.wrench[0][lane], stage.wrench[1][lane], stage.wrench[2][lane]);
     if (prepare_friction(list, p, points, is_soft, target, stage)) rubs |= bit(lane);
   });
   if (rubs != 0)
     kernels.solve_friction(batch.lanes, batch.friction, stage, rubs,
                            is_soft ? kMaxSoftFrictionPasses : kMaxFrictionPasses, velocity, inverse_inertia);
-  for_each(sticks | rubs, [&](SupportPatches&, SupportPatch& p, int lane) {
+  for_each_of(sticks | rubs, [&](SupportPatches&, SupportPatch& p, int lane) {
     if ((sticks & bit(lane)) != 0)
       p.is_lumped = true;
     else

@@ -48,10 +48,10 @@ void prepare_support(SupportBatch&, int lane, const BodyVelocity&, const Inverse
                      float substep_fraction);
 // Applies the friction impulses of the last step.
 void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
-// Friction within the cones of the normal impulses at the patch's points. The soft impulses of the solve
-// stage are provisional: they are distributed as those of the last relax stage.
-// `of`: the set of the lanes that are solved.
-void solve_supports(SupportBatch&, std::uint32_t of, BatchPoints, bool is_soft, BodyVelocity*,
+// Finds the friction of the patches in a set of lanes, within the cones of the normal impulses at their
+// points. The soft impulses of the solve stage are provisional: they are distributed as those of the last
+// relax stage.
+void solve_supports(SupportBatch&, std::uint32_t lanes, BatchPoints, bool is_soft, BodyVelocity*,
                     const InverseInertia*);
 // Gives the load of each cell to its points, at the end of the relax stage, if there are force limits.
 void share_loads(SupportPatches&, SupportPatch&, BatchPoints);
