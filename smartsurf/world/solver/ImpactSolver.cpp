@@ -204,12 +204,12 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
     else
       for (const ManifoldRef& m : active_) add_approaching_points(step, m);
     if (points_.empty()) break;
-    run_sweeps(step, member, Sweeps::kPoints, sweeps_of(points_.size()));
+    run_sweeps(member, Sweeps::kPoints, sweeps_of(points_.size()));
     moved_bodies_.clear();
     int pass = 0;
     for (; pass < kMaxResistingPasses && add_resisting_points(step); ++pass)
-      run_sweeps(step, member, Sweeps::kNormals, kNormalSweepsPerPass);
-    if (pass > 0) run_sweeps(step, member, Sweeps::kPoints, sweeps_of(points_.size()));
+      run_sweeps(member, Sweeps::kNormals, kNormalSweepsPerPass);
+    if (pass > 0) run_sweeps(member, Sweeps::kPoints, sweeps_of(points_.size()));
     for (const std::int32_t body : moved_bodies_) mark_changed(body);
     limit_energy();
     if (generation == 0) move_on(step);
@@ -226,10 +226,10 @@ void ImpactSolver::index_manifolds(const Step& step) {
   static_manifold_.assign(bodies, -1);
   static_hits_.assign(bodies, 0);
   next_pair_.resize(2 * pairs);
-  version_.resize(bodies);
+  version_.resize(step.partition.row_count());
   island_.resize(bodies);
   energy_.resize(bodies);
-  passing_.assign(bodies, {});
+  passing_.assign(step.partition.row_count(), {});
   is_changed_.resize(bodies, 0);
   blow_speed_.assign(bodies, 0.0F);
   is_active_pair_.assign(pairs, 0);
@@ -389,6 +389,7 @@ ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m
   p.contact = &c;
   is_point(step, m.b >= 0, c) = 1;
   p.a = m.a, p.b = m.b;
+  p.row_a = step.partition.row(m.a), p.row_b = m.b >= 0 ? step.partition.row(m.b) : -1;
   law::Vector3<float> t, u;
   law::tangents(to_law(normal), t, u);
   p.axis[0] = normal, p.axis[1] = from_law(t), p.axis[2] = from_law(u);
@@ -519,8 +520,8 @@ char& ImpactSolver::is_point(const Step& step, bool is_pair, const Contact& c) {
 void ImpactSolver::clear_points(const Step& step) {
   for (const Point& p : points_) {
     is_point(step, p.b >= 0, *p.contact) = 0;
-    for (const std::int32_t body : {p.a, p.b})
-      if (body >= 0) passing_[body] = {};
+    for (const std::int32_t row : {p.row_a, p.row_b})
+      if (row >= 0) passing_[row] = {};
   }
   points_.clear();
   points_at_cut_ = 0;

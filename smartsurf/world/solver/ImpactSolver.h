@@ -90,12 +90,14 @@ class ImpactSolver {
     Vec3 displacement_b(float dt_s) const;
     float separation(const Contact&, float dt_s) const;
   };
-  // A colliding contact of the current generation. Components are along the normal and two tangents.
-  struct Point : Sides {
+  // A colliding contact of the current generation. Components are along the normal and two tangents. In the
+  // list, several members write to neighbours.
+  struct alignas(64) Point : Sides {
     explicit Point(const Sides& sides) : Sides(sides) {}
 
     Contact* contact;
-    std::int32_t a, b;  // bodies; b = −1: static
+    std::int32_t a, b;          // bodies; b = −1: static
+    std::int32_t row_a, row_b;  // of a and b
     Vec3 axis[3];
     Vec3 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
     float normal_mass;
@@ -114,6 +116,13 @@ class ImpactSolver {
   struct IslandEnergy {
     float linear = 0, quadratic = 0, budget = 0;
   };
+  // A point of a member. `turn_a` and `turn_b`: its places among the points that touch its bodies, in the
+  // order of the list.
+  struct OwnPoint {
+    std::int32_t index;  // in the list
+    std::uint32_t turn_a, turn_b;
+    bool is_shared = false;  // other members touch one of its bodies, too
+  };
   // A body whose velocity has changed; `order`: by sweep, and by point in the order of the sweep.
   struct Change {
     std::uint64_t order;
@@ -122,16 +131,20 @@ class ImpactSolver {
   struct alignas(128) MemberState {
     std::vector<Candidate> candidates;
     // ---- in shared sweeps
-    std::vector<std::int32_t> points;  // of the member, ascending
+    std::vector<OwnPoint> points;  // in the order of the list
+    // The points themselves. In the list they stand between those of others, which a core would fetch ahead
+    // while another writes them.
+    std::vector<Point> copies;
     std::vector<Change> changes;
     std::uint32_t sweep = 0;  // since the sweeps were shared
     float result[2];          // of the last two sweeps
   };
-  // The place of a point among those that touch its bodies, in the order of the list.
-  struct Turns {
-    std::uint32_t a, b;
+  // By row.
+  struct RowPoints {
+    std::int32_t points = 0;  // of which it is row_a
+    std::int32_t across = 0;  // change, from the row before, of the points that a cut before it divides
   };
-  // By body.
+  // By row.
   struct Passing {
     std::uint32_t points = 0;  // that touch it
     std::uint32_t turn = 0;    // how many of them were visited since the sweeps were shared
@@ -145,13 +158,15 @@ class ImpactSolver {
   enum class Sweeps { kNone, kNormals, kPoints };
 
   void solve_on_caller(const Step&, const Member&);
-  void run_sweeps(const Step&, const Member&, Sweeps, int max_sweeps);
+  void run_sweeps(const Member&, Sweeps, int max_sweeps);
   void run_own_sweeps(const Member&);
-  void share_points(const Step&, int member_count);
-  void choose_cuts(const Step&, int member_count);
+  void share_points(int member_count);
+  void choose_cuts(int member_count);
   void take_changes();
   float greatest_of_members(float value, const Member&);
-  void wait_for_turn(const Point&, const Turns&, std::uint32_t sweep, bool is_backward);
+  void copy_points(MemberState&) const;
+  void return_points(const MemberState&);
+  void wait_for_turn(const Point&, const OwnPoint&, std::uint32_t sweep, bool is_backward);
   void end_turn(const Point&);
   void find_hits(const Step&);
   bool meet(const Step&, Hit&) const;
@@ -201,7 +216,7 @@ class ImpactSolver {
   std::vector<std::int32_t> moved_bodies_;  // in the current generation
   std::vector<Point> points_;
   std::vector<char> is_point_[2];       // by contact: static ones, those of pairs
-  std::vector<std::uint32_t> version_;  // by body: counts the changes of its velocity
+  std::vector<std::uint32_t> version_;  // by row: counts the changes of the body's velocity
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;
@@ -211,11 +226,11 @@ class ImpactSolver {
   int max_sweeps_ = 0;
   bool shares_ = true;  // false: in this step, members have waited for each other longer than they worked
   std::vector<std::int32_t> cut_rows_;  // by member but the first: its first row
-  std::vector<std::int32_t> rows_;      // of choose_cuts()
+  std::vector<RowPoints> row_points_;   // of choose_cuts()
   std::size_t points_at_cut_ = 0;       // 0: none was made
-  std::vector<Turns> turns_;            // by point, up to those that are shared out
-  std::vector<Passing> passing_;        // by body; valid for the bodies of shared points
-  std::vector<std::int32_t> shared_bodies_;
+  std::size_t shared_points_ = 0;       // how many of the list the members have
+  std::vector<Passing> passing_;        // by row; valid for the bodies of shared points
+  std::vector<std::int32_t> shared_rows_;
   std::vector<Change> changes_;
 };
 

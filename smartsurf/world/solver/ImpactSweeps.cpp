@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
@@ -21,71 +22,103 @@ using Vec = Eigen::Map<Vec3>;
 
 // ---- sweeps of all members
 
-void ImpactSolver::run_sweeps(const Step& step, const Member& member, Sweeps sweeps, int max_sweeps) {
+void ImpactSolver::run_sweeps(const Member& member, Sweeps sweeps, int max_sweeps) {
   sweeps_ = sweeps, max_sweeps_ = max_sweeps;
   if (member.member_count == 1 || !shares_ || points_.size() < kMinSharedPoints)
     return run_own_sweeps({0, 1, alone_});
   const auto begin = std::chrono::steady_clock::now();
-  share_points(step, member.member_count);
+  share_points(member.member_count);
   member.arrive_and_wait();
   run_own_sweeps(member);
   take_changes();
   // Where other programs keep the cores busy, a thread alone is faster. That changes no result.
-  constexpr double kVisit_s = 100e-9;  // at most, on one thread
+  constexpr double kVisit_s = 40e-9;  // at most, on one thread
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
   shares_ = taken.count() < kVisit_s * static_cast<double>(points_.size() * members_[member.index].sweep);
 }
 
 void ImpactSolver::run_own_sweeps(const Member& member) {
+  if (member.member_count > 1) copy_points(members_[member.index]);
   if (sweeps_ == Sweeps::kPoints)
     solve_points(max_sweeps_, member);
   else
     solve_normals(max_sweeps_, member);
+  if (member.member_count == 1) return;
+  return_points(members_[member.index]);
+  member.arrive_and_wait();
 }
 
 // Gives the points that are new to the members.
-void ImpactSolver::share_points(const Step& step, int member_count) {
-  if (points_.size() >= 2 * points_at_cut_) choose_cuts(step, member_count);
-  for (std::size_t i = turns_.size(); i < points_.size(); ++i) {
-    const Point& p = points_[i];
-    const auto member_of = [&](const BodyVelocity* velocity) {
-      return std::ranges::upper_bound(cut_rows_, static_cast<std::int32_t>(velocity - step.velocity)) -
-             cut_rows_.begin();
-    };
-    const auto member = member_of(p.velocity_a);
-    members_[member].points.push_back(static_cast<std::int32_t>(i));
-    Turns& turns = turns_.emplace_back();
-    turns.a = passing_[p.a].points++;
-    if (p.b < 0) continue;
-    Passing& b = passing_[p.b];
-    turns.b = b.points++;
-    if (b.is_shared || member_of(p.velocity_b) == member) continue;
+void ImpactSolver::share_points(int member_count) {
+  if (points_.size() >= 2 * points_at_cut_) choose_cuts(member_count);
+  const auto member_of = [&](std::int32_t row) {
+    return std::ranges::upper_bound(cut_rows_, row) - cut_rows_.begin();
+  };
+  for (; shared_points_ < points_.size(); ++shared_points_) {
+    const Point& p = points_[shared_points_];
+    const auto member = member_of(p.row_a);
+    OwnPoint& own = members_[member].points.emplace_back();
+    own.index = static_cast<std::int32_t>(shared_points_);
+    own.turn_a = passing_[p.row_a].points++;
+    if (p.row_b < 0) continue;
+    Passing& b = passing_[p.row_b];
+    own.turn_b = b.points++;
+    if (b.is_shared || member_of(p.row_b) == member) continue;
     b.is_shared = true;
-    shared_bodies_.push_back(p.b);
+    shared_rows_.push_back(p.row_b);
   }
-  for (const std::int32_t body : shared_bodies_) passing_[body].turn = 0;
+  for (const std::int32_t row : shared_rows_) passing_[row].turn = 0;
   for (MemberState& m : members_) m.changes.clear(), m.sweep = 0;
 }
 
-// Cuts the rows where each member gets about as many of the present points.
-void ImpactSolver::choose_cuts(const Step& step, int member_count) {
-  rows_.clear();
+// Cuts the rows where each member gets about as many of the present points, and where few of these have one
+// body on either side: such bodies are passed from core to core.
+void ImpactSolver::choose_cuts(int member_count) {
+  constexpr int kVisitsOfPassing = 8;  // what passing a body costs
+  const auto rows = static_cast<std::int32_t>(version_.size());
+  row_points_.assign(version_.size() + 1, {});
   for (const Point& p : points_) {
-    rows_.push_back(static_cast<std::int32_t>(p.velocity_a - step.velocity));
-    passing_[p.a] = {};
-    if (p.b >= 0) passing_[p.b] = {};
+    ++row_points_[p.row_a].points;
+    passing_[p.row_a] = {};
+    if (p.row_b < 0) continue;
+    passing_[p.row_b] = {};
+    ++row_points_[std::min(p.row_a, p.row_b) + 1].across;
+    --row_points_[std::max(p.row_a, p.row_b) + 1].across;
   }
-  cut_rows_.clear();
+  cut_rows_.assign(member_count - 1, 0);
   for (int m = 1; m < member_count; ++m) {
-    const auto cut = rows_.begin() + static_cast<std::ptrdiff_t>(rows_.size() * static_cast<std::size_t>(m) /
-                                                                 static_cast<std::size_t>(member_count));
-    std::nth_element(rows_.begin(), cut, rows_.end());
-    cut_rows_.push_back(*cut);
+    const double even = static_cast<double>(points_.size()) * m / member_count;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::int32_t row = 0, before = 0, across = 0; row < rows; before += row_points_[row++].points) {
+      across += row_points_[row].across;
+      const double cost = std::abs(before - even) + kVisitsOfPassing * across;
+      if (cost < least) least = cost, cut_rows_[m - 1] = row;
+    }
+    if (m > 1) cut_rows_[m - 1] = std::max(cut_rows_[m - 1], cut_rows_[m - 2]);
   }
   points_at_cut_ = points_.size();
-  turns_.clear();
-  shared_bodies_.clear();
-  for (MemberState& m : members_) m.points.clear();
+  shared_points_ = 0;
+  shared_rows_.clear();
+  for (MemberState& m : members_) m.points.clear(), m.copies.clear();
+}
+
+// Copies the member's new points from the list.
+void ImpactSolver::copy_points(MemberState& own) const {
+  for (std::size_t k = own.copies.size(); k < own.points.size(); ++k)
+    own.copies.push_back(points_[own.points[k].index]);
+  for (std::size_t k = 0; k < own.points.size(); ++k) {
+    const Point& p = own.copies[k];
+    own.points[k].is_shared = passing_[p.row_a].is_shared || (p.row_b >= 0 && passing_[p.row_b].is_shared);
+  }
+}
+
+// Writes to the list what the sweeps have changed.
+void ImpactSolver::return_points(const MemberState& own) {
+  for (std::size_t k = 0; k < own.points.size(); ++k) {
+    Point& p = points_[own.points[k].index];
+    p.impulse = own.copies[k].impulse;
+    p.seen_normal = own.copies[k].seen_normal, p.seen_friction = own.copies[k].seen_friction;
+  }
 }
 
 // The bodies that the members have changed, in the order in which one thread would have.
@@ -108,9 +141,9 @@ float ImpactSolver::greatest_of_members(float value, const Member& member) {
   return value;
 }
 
-void ImpactSolver::wait_for_turn(const Point& p, const Turns& turns, std::uint32_t sweep, bool is_backward) {
-  const auto wait = [&](std::int32_t body, std::uint32_t turn) {
-    Passing& passing = passing_[body];
+void ImpactSolver::wait_for_turn(const Point& p, const OwnPoint& own, std::uint32_t sweep, bool is_backward) {
+  const auto wait = [&](std::int32_t row, std::uint32_t turn) {
+    Passing& passing = passing_[row];
     if (!passing.is_shared) return;
     const std::uint32_t wanted = sweep * passing.points + (is_backward ? passing.points - 1 - turn : turn);
     const std::atomic_ref<std::uint32_t> turns_so_far(passing.turn);
@@ -118,14 +151,14 @@ void ImpactSolver::wait_for_turn(const Point& p, const Turns& turns, std::uint32
     for (std::uint32_t now = 0; (now = turns_so_far.load(std::memory_order_acquire)) != wanted;)
       turns_so_far.wait(now, std::memory_order_acquire);
   };
-  wait(p.a, turns.a);
-  if (p.b >= 0) wait(p.b, turns.b);
+  wait(p.row_a, own.turn_a);
+  if (p.row_b >= 0) wait(p.row_b, own.turn_b);
 }
 
 void ImpactSolver::end_turn(const Point& p) {
-  for (const std::int32_t body : {p.a, p.b}) {
-    if (body < 0 || !passing_[body].is_shared) continue;
-    const std::atomic_ref<std::uint32_t> turns_so_far(passing_[body].turn);
+  for (const std::int32_t row : {p.row_a, p.row_b}) {
+    if (row < 0 || !passing_[row].is_shared) continue;
+    const std::atomic_ref<std::uint32_t> turns_so_far(passing_[row].turn);
     turns_so_far.fetch_add(1);
     turns_so_far.notify_all();
   }
@@ -166,26 +199,28 @@ void ImpactSolver::solve_normals(int max_sweeps, const Member& member) {
 template <class Each>
 void ImpactSolver::for_each_point(int sweep, const Member& member, Each each) {
   const bool is_backward = sweep % 2 != 0;
-  const auto visit_in_order = [is_backward](auto& list, auto visit) {
+  const auto visit_in_order = [is_backward](std::size_t count, auto visit) {
     if (is_backward)
-      std::for_each(list.rbegin(), list.rend(), visit);
+      for (std::size_t i = count; i-- > 0;) visit(i);
     else
-      std::for_each(list.begin(), list.end(), visit);
+      for (std::size_t i = 0; i < count; ++i) visit(i);
   };
-  if (member.member_count == 1) return visit_in_order(points_, [&](Point& p) { each(p, Visit{nullptr, 0}); });
+  if (member.member_count == 1)
+    return visit_in_order(points_.size(), [&](std::size_t i) { each(points_[i], Visit{nullptr, 0}); });
   MemberState& own = members_[member.index];
-  visit_in_order(own.points, [&](std::int32_t i) {
-    Point& p = points_[i];
-    const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
-    wait_for_turn(p, turns_[i], own.sweep, is_backward);
+  visit_in_order(own.points.size(), [&](std::size_t i) {
+    const OwnPoint& at = own.points[i];
+    Point& p = own.copies[i];
+    const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - at.index : at.index);
+    if (at.is_shared) wait_for_turn(p, at, own.sweep, is_backward);
     each(p, Visit{&own, static_cast<std::uint64_t>(own.sweep) << 32U | place << 1U});
-    end_turn(p);
+    if (at.is_shared) end_turn(p);
   });
 }
 
 // A number that changes whenever the velocity of one of the two bodies does.
 std::uint32_t ImpactSolver::versions(const Point& p) const {
-  return version_[p.a] + (p.b >= 0 ? version_[p.b] : 0);
+  return version_[p.row_a] + (p.row_b >= 0 ? version_[p.row_b] : 0);
 }
 
 void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
@@ -204,7 +239,7 @@ float ImpactSolver::count_change(const Point& p, float impulse_change, const Vis
   if (change > tolerance_)
     for (const std::int32_t body : {p.a, p.b})
       if (body >= 0) {
-        ++version_[body];
+        ++version_[body == p.a ? p.row_a : p.row_b];
         if (visit.state == nullptr) {
           mark_changed(body);
         } else if (!is_changed_[body]) {
