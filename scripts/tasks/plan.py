@@ -59,8 +59,9 @@ def scene_digests():
 
 def table_programs_digest(name):
     """The digest of the programs that control a table's runs."""
-    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "nuisances": load()["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
-             "logistics": ["hexsort"]}.get(name)
+    plan = load()
+    names = {"tasks": plan["tasks"], "vary": [*plan["tasks"], *plan["small"]], "nuisances": [*plan["nuisances"]["tasks"], *plan["small"]],
+             "waves": ["waves"], "faults": ["relocate", "size_sort"], "logistics": ["hexsort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
     files = []
     for program in programs:
@@ -73,9 +74,10 @@ def section_digest(name):
     plan = load()
     section = plan[name]
     rows = section.get("rows", section)
-    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "nuisances": plan["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
-              "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
-    return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
+    small = [plan["small"]] if name in ("vary", "nuisances") else []
+    scenes = {"tasks": list(rows), "vary": [*plan["tasks"], *plan["small"]], "nuisances": [*plan["nuisances"]["tasks"], *plan["small"]],
+              "waves": ["waves"], "faults": ["relocate", "size_sort"], "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
+    return digest(json.dumps([section, *small, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 
 
 PINS_ALONE = ("case_study", "conditions", "crowding", "radii", "faults")  # the tables whose scenes hold pins and nothing that drives
