@@ -74,10 +74,13 @@ def section_digest(name):
     plan = load()
     section = plan[name]
     rows = section.get("rows", section)
-    small = [plan["small"]] if name in ("vary", "nuisances") else []
-    scenes = {"tasks": list(rows), "vary": [*plan["tasks"], *plan["small"]], "nuisances": [*plan["nuisances"]["tasks"], *plan["small"]],
-              "waves": ["waves"], "faults": ["relocate", "size_sort"], "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
-    return digest(json.dumps([section, *small, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
+    scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "nuisances": plan["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
+              "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
+    parts = [section]
+    if name in ("vary", "nuisances"):  # with the horizons and successes of other sections
+        parts += [{task: plan["tasks"][task] for task in scenes}, plan["small"]]
+        scenes = [*scenes, *plan["small"]]
+    return digest(json.dumps([*parts, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 
 
 PINS_ALONE = ("case_study", "conditions", "crowding", "radii", "faults")  # the tables whose scenes hold pins and nothing that drives

@@ -5,6 +5,7 @@ import importlib.machinery
 import importlib.util
 import re
 import sys
+from unittest import mock
 
 from programs import *
 
@@ -27,6 +28,14 @@ class Tables(unittest.TestCase):
         for table, _, (made_with, _, _) in tables():
             self.assertIn(made_with, plan.plans_of(table),
                           f"{table}: made with another plan: run scripts/tasks/table --only {table}; a change of the plan gets a new date")
+
+    def test_a_horizon_belongs_to_every_table_that_is_made_with_it(self):
+        before = {table: plan.section_digest(table) for table in ("tasks", "vary", "nuisances", "logistics")}
+        for section, task, tables in (("tasks", "relocate", {"tasks", "vary", "nuisances"}), ("small", "movers", {"vary", "nuisances"})):
+            changed = plan.load()
+            changed[section][task]["until_s"] += 1
+            with mock.patch.object(plan, "load", return_value=changed):
+                self.assertEqual({table for table, digest in before.items() if plan.section_digest(table) != digest}, tables)
 
     def test_scenes_are_those_of_the_plan(self):
         now = plan.scene_digests()
