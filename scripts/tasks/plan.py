@@ -132,12 +132,11 @@ def mark_older(docs, pages, smartsurf):
     """Adds a sentence to the tables that another physics or other programs made, and takes it from the others; renews what stands of
     the plan's changes below them."""
     def marked(found):
-        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0], count=1)
+        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0].removesuffix("\n" + OLDER), count=1)
         is_todays = found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1]))
         return text if is_todays else text + "\n" + OLDER
     for page in pages:
-        text = (docs / page).read_text().replace("\n" + OLDER, "")
-        (docs / page).write_text(MARK.sub(marked, text))
+        (docs / page).write_text(re.sub(f"{MARK.pattern}(?:\n{re.escape(OLDER)})?", marked, (docs / page).read_text(), flags=re.DOTALL))
 
 
 if __name__ == "__main__":

@@ -61,6 +61,15 @@ class Tables(unittest.TestCase):
             self.assertEqual(block.count("*Changed "), 1)
             self.assertIn(latest, block)
 
+    def test_marks_of_tables_that_others_write_stay(self):
+        with tempfile.TemporaryDirectory() as folder:
+            page = pathlib.Path(folder) / "a.md"
+            for name, _, _ in tables():
+                mark = f"<!-- {name}: written by scripts/tasks/table -->\n<!-- made with plan 0, physics 0, programs 0 -->\n"
+                page.write_text(f"<!-- x: written by me -->\n\n{plan.OLDER}\n<!-- end of x -->\n{mark}\n{plan.OLDER}\n<!-- end of {name} -->\n")
+                plan.mark_older(page.parent, [page.name], SMARTSURF)
+                self.assertEqual(page.read_text().count(plan.OLDER), 2, name)
+
     def test_comments_do_not_change_a_scene_and_numbers_do(self):
         scene = "local n = 3 -- cells\nsurface { rows = n }\n"
         self.assertEqual(plan.what_counts(scene), plan.what_counts("local n = 3\nsurface { rows = n } -- all\n"))
