@@ -59,8 +59,9 @@ def scene_digests():
 
 def table_programs_digest(name):
     """The digest of the programs that control a table's runs."""
-    names = {"tasks": load()["tasks"], "vary": load()["tasks"], "nuisances": load()["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
-             "logistics": ["hexsort"]}.get(name)
+    plan = load()
+    names = {"tasks": plan["tasks"], "vary": [*plan["tasks"], *plan["small"]], "nuisances": [*plan["nuisances"]["tasks"], *plan["small"]],
+             "waves": ["waves"], "faults": ["relocate", "size_sort"], "logistics": ["hexsort"]}.get(name)
     programs = [HERE / f"{task}.aps" for task in names] if names else sorted(CASE_STUDY.glob("*.aps"))
     files = []
     for program in programs:
@@ -75,7 +76,11 @@ def section_digest(name):
     rows = section.get("rows", section)
     scenes = {"tasks": list(rows), "vary": list(plan["tasks"]), "nuisances": plan["nuisances"]["tasks"], "waves": ["waves"], "faults": ["relocate", "size_sort"],
               "logistics": ["movers", "hexsort"]}.get(name, ["sort"])
-    return digest(json.dumps([section, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
+    parts = [section]
+    if name in ("vary", "nuisances"):  # with the horizons and successes of other sections
+        parts += [{task: plan["tasks"][task] for task in scenes}, plan["small"]]
+        scenes = [*scenes, *plan["small"]]
+    return digest(json.dumps([*parts, plan["first_seed"], {scene: plan["scenes"][scene] for scene in scenes}], sort_keys=True))
 
 
 PINS_ALONE = ("case_study", "conditions", "crowding", "radii", "faults")  # the tables whose scenes hold pins and nothing that drives
@@ -127,12 +132,11 @@ def mark_older(docs, pages, smartsurf):
     """Adds a sentence to the tables that another physics or other programs made, and takes it from the others; renews what stands of
     the plan's changes below them."""
     def marked(found):
-        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0], count=1)
+        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0].removesuffix("\n" + OLDER), count=1)
         is_todays = found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1]))
         return text if is_todays else text + "\n" + OLDER
     for page in pages:
-        text = (docs / page).read_text().replace("\n" + OLDER, "")
-        (docs / page).write_text(MARK.sub(marked, text))
+        (docs / page).write_text(re.sub(f"{MARK.pattern}(?:\n{re.escape(OLDER)})?", marked, (docs / page).read_text(), flags=re.DOTALL))
 
 
 if __name__ == "__main__":

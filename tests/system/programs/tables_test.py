@@ -5,6 +5,7 @@ import importlib.machinery
 import importlib.util
 import re
 import sys
+from unittest import mock
 
 from programs import *
 
@@ -27,6 +28,14 @@ class Tables(unittest.TestCase):
         for table, _, (made_with, _, _) in tables():
             self.assertIn(made_with, plan.plans_of(table),
                           f"{table}: made with another plan: run scripts/tasks/table --only {table}; a change of the plan gets a new date")
+
+    def test_a_horizon_belongs_to_every_table_that_is_made_with_it(self):
+        before = {table: plan.section_digest(table) for table in ("tasks", "vary", "nuisances", "logistics")}
+        for section, task, tables in (("tasks", "relocate", {"tasks", "vary", "nuisances"}), ("small", "movers", {"vary", "nuisances"})):
+            changed = plan.load()
+            changed[section][task]["until_s"] += 1
+            with mock.patch.object(plan, "load", return_value=changed):
+                self.assertEqual({table for table, digest in before.items() if plan.section_digest(table) != digest}, tables)
 
     def test_scenes_are_those_of_the_plan(self):
         now = plan.scene_digests()
@@ -51,6 +60,15 @@ class Tables(unittest.TestCase):
             block = page.read_text().partition("<!-- radii: written")[2].partition("<!-- end of radii")[0]
             self.assertEqual(block.count("*Changed "), 1)
             self.assertIn(latest, block)
+
+    def test_marks_of_tables_that_others_write_stay(self):
+        with tempfile.TemporaryDirectory() as folder:
+            page = pathlib.Path(folder) / "a.md"
+            for name, _, _ in tables():
+                mark = f"<!-- {name}: written by scripts/tasks/table -->\n<!-- made with plan 0, physics 0, programs 0 -->\n"
+                page.write_text(f"<!-- x: written by me -->\n\n{plan.OLDER}\n<!-- end of x -->\n{mark}\n{plan.OLDER}\n<!-- end of {name} -->\n")
+                plan.mark_older(page.parent, [page.name], SMARTSURF)
+                self.assertEqual(page.read_text().count(plan.OLDER), 2, name)
 
     def test_comments_do_not_change_a_scene_and_numbers_do(self):
         scene = "local n = 3 -- cells\nsurface { rows = n }\n"
