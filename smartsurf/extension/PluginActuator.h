@@ -20,6 +20,7 @@ class PluginActuator final : public surface::Actuator {
   void commit(double dt_s, surface::Field&) noexcept override;
   bool has_surface_velocity() const noexcept override { return has(SMARTSURF_MOVES_SURFACE); }
   bool has_force_limit() const noexcept override { return has(SMARTSURF_LIMITS_FORCE); }
+  bool needs_impulses() const noexcept override { return true; }
   bool exerts_forces() const noexcept override { return has(SMARTSURF_EXERTS_FORCES); }
   void add_forces(double dt_s, const surface::Field&, const surface::BodyView&,
                   std::span<const scene::ObjectSpec> catalogue, std::span<surface::Wrench>) noexcept override;

@@ -65,6 +65,8 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       joints_(experiment.scene().joints),
       departures_(experiment.scene().surface) {
   collect_channels();
+  if (!sensor_array_.needs_impulses() && !actuator_array_.needs_impulses())
+    engine_->write_impulses_when_asked();
   take_snapshot();
   experiment_.start(*this);
   if (experiment_.has_reset_hook()) take_snapshot();
@@ -191,6 +193,7 @@ void Simulation::archive(common::StateArchive& a) {
   catalogue_.resize(count);
   for (std::size_t id = declared; id < count; ++id) archive_object(a, catalogue_[id]);
   a(joints_);
+  engine_->write_impulses();
   actuator_array_.archive(a);
   engine_->archive(a, catalogue_, declared);
   departures_.archive(a);

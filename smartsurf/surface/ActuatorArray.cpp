@@ -292,6 +292,10 @@ void ActuatorArray::archive(common::StateArchive& a) {
   for (Model& model : models_) model.actuator->archive(a);
 }
 
+bool ActuatorArray::needs_impulses() const noexcept {
+  return std::ranges::any_of(models_, [](const Model& m) { return m.actuator->needs_impulses(); });
+}
+
 void ActuatorArray::add_forces(double dt_s, const BodyView& bodies,
                                std::span<const scene::ObjectSpec> catalogue,
                                std::span<Wrench> wrenches) noexcept {

@@ -61,6 +61,8 @@ class ActuatorArray {
   // Throws common::UserError if a model cannot be saved.
   void archive(common::StateArchive&);
 
+  // True if a model reads Field::impulse.
+  bool needs_impulses() const noexcept;
   bool exerts_forces() const noexcept { return exerts_forces_; }
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   void add_forces(double dt_s, const BodyView&, std::span<const scene::ObjectSpec> catalogue,

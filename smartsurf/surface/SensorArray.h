@@ -24,6 +24,7 @@ class SensorArray {
   SensorArray(const scene::SceneSpec&, const Field& field, const FaultMap& = {});
   ~SensorArray();
 
+  bool needs_impulses() const noexcept { return !impulse_.empty(); }
   // Adds the impulses of one physics step, mass·u/s: Field::impulse, Field::tip_impulse and Skin::impulse.
   // Costs nothing unless a sensor needs impulses.
   void accumulate_impulses(std::span<const float> cells, std::span<const Eigen::Vector3f> tips = {},

@@ -57,6 +57,7 @@ NativeEngine::NativeEngine(const scene::SceneSpec& scene, surface::Field& field,
 }
 
 void NativeEngine::wake_with_neighbours(std::int32_t body) {
+  write_impulses();  // with those that sleep now
   sleep_.wake_with_neighbours(bodies_, body, pair_contacts_, static_contacts_);
 }
 
@@ -116,6 +117,7 @@ scene::ObjectState NativeEngine::state(scene::ObjectId id) const {
 }
 
 void NativeEngine::wake_joint(scene::JointId id) {
+  write_impulses();
   for (const std::int32_t body : joints_.bodies_of(id))
     if (body >= 0 && !bodies_.is_static(body)) sleep_.wake(bodies_, body);
 }
@@ -166,7 +168,26 @@ std::span<surface::Wrench> NativeEngine::wrenches() {
   return bodies_.wrench;
 }
 
+// As the solver would have at the end of the step.
+void NativeEngine::find_loads() const {
+  if (!std::exchange(lacks_loads_, false)) return;
+  std::vector<std::int32_t> manifold_of(bodies_.id.size());
+  for (std::size_t k = 0; k < static_contacts_.manifolds.size(); ++k)
+    manifold_of[static_contacts_.manifolds[k].a] = static_cast<std::int32_t>(k);
+  for (SupportPatches& list : collision_.supports())
+    for (SupportPatch& p : list.patches)
+      if (finds_loads_when_asked(p))
+        store_loads(list, p, static_contacts_.contacts_of(static_contacts_.manifolds[manifold_of[p.body]]));
+}
+
+void NativeEngine::write_impulses() {
+  if (!std::exchange(lacks_impulses_, false)) return;
+  find_loads();
+  write_cell_impulses();
+}
+
 std::vector<ContactPoint> NativeEngine::contacts() const {
+  find_loads();
   std::vector<ContactPoint> out;
   // Bodies that fell asleep in the last step are in both pairs of lists; they count as sleepers.
   auto sleeps = [&](std::int32_t i) { return bodies_.asleep[i] != 0; };
@@ -234,6 +255,8 @@ void NativeEngine::snapshot(scene::Snapshot& out, bool with_hash) const {
 void NativeEngine::archive(common::StateArchive& a, std::span<const scene::ObjectSpec> catalogue,
                            std::size_t declared) {
   std::vector<scene::ObjectId> previous_id = bodies_.id;
+  if (a.saves()) write_impulses();
+  lacks_loads_ = lacks_impulses_ = false;
   a(next_id_, bodies_, joints_, timed_forces_, pair_contacts_, static_contacts_, tips_, sleep_, jam_relief_);
   collision_.archive(a, bodies_.size());
   a(loaded_cells_, sleeper_cells_, sleeper_impulse_, sleeper_impulse_version_, has_wrenches_, field_moved_);

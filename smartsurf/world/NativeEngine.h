@@ -49,6 +49,8 @@ class NativeEngine final : public Engine {
   surface::BodyView bodies() const override;
   std::span<surface::Wrench> wrenches() override;
   void step() override;
+  void write_impulses_when_asked() override { writes_when_asked_ = true; }
+  void write_impulses() override;
   std::vector<ContactPoint> contacts() const override;
   // Work of the last step, which grows only with what moves and what touches it.
   struct StepWork {
@@ -114,6 +116,7 @@ class NativeEngine final : public Engine {
 
   surface::Skin::Location location_on_skin(const Manifold&, const Contact&) const;
   void record_cell_impulses(IndexRange manifolds);
+  void find_loads() const;
   void update_sleeper_impulses();
 
   // Everything below is in world units, except where a name says so.
@@ -138,7 +141,7 @@ class NativeEngine final : public Engine {
   std::optional<unsigned> active_version_;  // Sleep::set_version() that active_bodies_ is for
   ContactList pair_contacts_, static_contacts_;
   Sleep sleep_;
-  CollisionPipeline collision_;
+  mutable CollisionPipeline collision_;  // for find_loads()
   SeamCorrection seams_;
   Solver* solver_ = nullptr;  // of the thread that steps, during the step
   JointSolver joints_;
@@ -154,6 +157,10 @@ class NativeEngine final : public Engine {
     float impulse;
   };
   std::vector<Load> cell_impulses_;  // one per static contact
+  bool writes_when_asked_ = false;
+  // Whether the loads of support patches have not been found since the last step, nor Field::impulse written.
+  mutable bool lacks_loads_ = false;
+  bool lacks_impulses_ = false;
   // Cells on which active bodies had an impulse in the last step, and on which sleepers have one; impulse of
   // the sleepers on each cell, in scene units.
   std::vector<std::int32_t> loaded_cells_, sleeper_cells_;

@@ -37,6 +37,7 @@ struct NativeEngine::Stage {
   }
   static bool any_active(const E& e) { return !e.active_bodies_.empty(); }
   static bool none_active(const E& e) { return e.active_bodies_.empty(); }
+  static bool writes_impulses(const E& e) { return !e.lacks_impulses_; }
   static bool any_asleep(const E& e) { return e.sleep_.any_asleep(); }
   static bool has_limits(const E& e) { return e.field_.has_force_limit(); }
   static bool may_stop(const E& e) { return e.collision_.any_swept() || !e.joints_.empty(); }
@@ -76,7 +77,7 @@ constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     {"sleep",                  kCaller,    call<&E::put_to_sleep>,           any_active},
     {"advance skin",           kCaller,    call<&E::advance_skin>,           has_elastic_skin},
     // ---- outputs
-    {"write cell impulses",    kCaller,    call<&E::write_cell_impulses>},
+    {"write cell impulses",    kCaller,    call<&E::write_cell_impulses>,    writes_impulses},
     {"write tip impulses",     kCaller,    call<&E::write_tip_impulses>,     has_free_tips},
     {"write skin impulses",    kCaller,    call<&E::write_skin_impulses>,    has_skin},
     {"return lowered speeds",  kCaller,    call<&E::return_lowered_speeds>},
@@ -111,11 +112,15 @@ void NativeEngine::step() {
       std::ranges::find_if_not(kStages.subspan(kBegin), is_of_team) - kStages.begin();
   static_assert(std::ranges::none_of(kStages.subspan(kEnd), is_of_team));
   solver_ = &Solver::of_this_thread(settings_);
+  lacks_loads_ = lacks_impulses_ = writes_when_asked_;
   team_.run(false, [&](const Member& member) { run_stages<0, kBegin>(member); });
   if (!active_bodies_.empty()) {
     team_.run(active_bodies_.size() >= kMinParallelBodies,
               [&](const Member& member) { run_stages<kBegin, kEnd>(member); });
-    if (is_overloaded()) return;
+    if (is_overloaded()) {
+      lacks_loads_ = lacks_impulses_ = false;
+      return;
+    }
   }
   team_.run(false, [&](const Member& member) { run_stages<kEnd, kStages.size()>(member); });
 }
@@ -236,7 +241,7 @@ void NativeEngine::solve(const Member& member) {
       bodies_,
       {collision_.partition(), pair_contacts_, static_contacts_, collision_.pair_ranges(),
        collision_.static_ranges(), collision_.supports(), force_limits_.limits(), has_wrenches_, joints_,
-       tips_, elastic_skin_, has_room, !field_.surface_spin.empty(), jam_relief_.min_depth()},
+       tips_, elastic_skin_, has_room, !field_.surface_spin.empty(), !lacks_loads_, jam_relief_.min_depth()},
       member);
 }
 
@@ -393,8 +398,8 @@ void NativeEngine::relieve_jams() {
 }
 
 void NativeEngine::put_to_sleep() {
-  sleep_.update_sleeping_set(bodies_, active_bodies_, pair_contacts_, static_contacts_,
-                             collision_.supports());
+  sleep_.update_sleeping_set(bodies_, active_bodies_, pair_contacts_, static_contacts_, collision_.supports(),
+                             [this] { find_loads(); });
 }
 
 void NativeEngine::advance_skin() {

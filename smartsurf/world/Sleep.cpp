@@ -224,7 +224,8 @@ void Sleep::reset_timers_on_moving_cells(BodyStore& b, const SupportPatches& sup
 
 void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& active_bodies,
                                 const ContactList& pair_contacts, const ContactList& static_contacts,
-                                std::span<const SupportPatches> supports) {
+                                std::span<const SupportPatches> supports,
+                                const std::function<void()>& find_loads) {
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(),
                                      [&b](std::int32_t i) { return b.sleep_timer_s[i] >= kTimeToSleep_s; });
   if (!is_enabled_ || (!any_ready && !any_asleep())) return;
@@ -265,6 +266,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
       put_to_sleep(b, i), fallen_.push_back(i);
   }
   if (fallen_.empty()) return;
+  find_loads();
   auto asleep = [&b](std::int32_t i) { return b.asleep[i] != 0; };
   for (const Manifold& m : pair_contacts.manifolds)
     if (asleep(m.a) && asleep(m.b)) contacts_.add(pair_contacts, m, b.size());

@@ -10,6 +10,7 @@
 // Not thread-safe except where a function says so.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -66,10 +67,12 @@ class Sleep {
   void reset_timers_on_moving_cells(BodyStore&, const ContactList& static_contacts,
                                     IndexRange manifolds) const;
   void reset_timers_on_moving_cells(BodyStore&, const SupportPatches&) const;
-  // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body.
-  void update_sleeping_set(BodyStore&, const std::vector<std::int32_t>& active_bodies,
-                           const ContactList& pair_contacts, const ContactList& static_contacts,
-                           std::span<const SupportPatches> = {});
+  // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body. Calls
+  // find_loads() before it reads those of support patches.
+  void update_sleeping_set(
+      BodyStore&, const std::vector<std::int32_t>& active_bodies, const ContactList& pair_contacts,
+      const ContactList& static_contacts, std::span<const SupportPatches> = {},
+      const std::function<void()>& find_loads = [] {});
   void on_body_removed(std::int32_t body);
 
   void archive(common::StateArchive& a) {

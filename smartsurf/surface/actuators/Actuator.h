@@ -69,6 +69,9 @@ class Actuator {
   // the same holds for offset and offset_rate, and if any yields, for `yielding`.
   virtual std::optional<TipKind> tip() const noexcept { return std::nullopt; }
 
+  // True if the model reads Field::impulse.
+  virtual bool needs_impulses() const noexcept { return false; }
+
   virtual bool exerts_forces() const noexcept { return false; }
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,

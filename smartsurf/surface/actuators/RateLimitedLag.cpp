@@ -16,12 +16,12 @@ RateLimitedLag::RateLimitedLag(const ActuatorContext& context, float start, doub
 
 void RateLimitedLag::set_targets(std::span<const float> targets) noexcept {
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    bool any_moving = false;
+    int any_moving = 0;  // compilers vectorise this loop, not that of a bool
     for (int i = runs_[r].begin; i < runs_[r].end; ++i) {
       target_[i] = targets[i];
-      any_moving |= target_[i] != value_[i];
+      any_moving |= target_[i] != value_[i] ? 1 : 0;
     }
-    moving_[r] = any_moving;
+    moving_[r] = any_moving != 0;
   }
 }
 

@@ -26,6 +26,7 @@ class RateLimitedLag {
   void step(double dt_s) noexcept;
 
   float operator[](int cell) const noexcept { return value_[cell]; }
+  std::span<const float> values() const noexcept { return value_; }
   std::span<const CellRun> runs() const noexcept { return runs_; }
   // True if the run's values changed in the last step().
   bool changed(std::size_t run) const noexcept { return changed_[run] != 0; }

@@ -1,7 +1,9 @@
 // Cells whose tops drive objects in any horizontal direction: a ball that rolls about two axes, or two
 // perpendicular omnidirectional wheels. The surface velocity is a linear map of the two spins.
 #include <Eigen/Geometry>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 #include "smartsurf/surface/actuators/Models.h"
@@ -65,21 +67,23 @@ class Rollers final : public Actuator {
   // Returns whether any cell spins.
   bool advance_angles(const CellRun& run, float dt_s) noexcept {
     constexpr auto kTwoPi = static_cast<float>(2.0 * std::numbers::pi);
-    bool spinning = false;
+    // The bits of magnitudes are in their order, and compilers vectorise loops over integers.
+    constexpr auto bits_of = [](float a) { return std::bit_cast<std::int32_t>(a) & INT32_MAX; };
+    std::int32_t spinning = 0;
     for (int k = 0; k < 2; ++k) {
       float* const angle = angle_[k].data();
-      const RateLimitedLag& spin = spin_[k];
-      int beyond = 0;
+      const float* const spin = spin_[k].values().data();
+      std::int32_t beyond = 0;
       for (int i = run.begin; i < run.end; ++i) {
         angle[i] += spin[i] * dt_s;
-        beyond |= static_cast<int>(std::abs(angle[i]) > 0.5F * kTwoPi);
-        spinning |= spin[i] != 0.0F;
+        beyond |= bits_of(angle[i]) > bits_of(0.5F * kTwoPi) ? 1 : 0;
+        spinning |= bits_of(spin[i]);
       }
       // std::remainder is slow, and few steps end a turn.
       for (int i = run.begin; beyond != 0 && i < run.end; ++i)
         if (std::abs(angle[i]) > 0.5F * kTwoPi) angle[i] = std::remainder(angle[i], kTwoPi);
     }
-    return spinning;
+    return spinning != 0;
   }
 
   Eigen::Matrix2f drive_matrix_;

@@ -347,29 +347,28 @@ BearingContacts bearing_contacts(const surface::Field& field, std::span<const Co
   return b;
 }
 
+// See SupportSamples.
+struct Sample {
+  std::int32_t cell;
+  float x, y, arm, weight, separation, velocity_x, velocity_y, spin;
+};
+
 void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& centre, const Point2& cell_centre,
-                const SharedArea& shared, float separation, SupportSamples& out) {
+                const SharedArea& shared, float separation, std::vector<Sample>& out) {
   const Index i = cell;
-  out.cell.push_back(cell);
-  out.x.push_back(cell_centre.x + shared.x - centre.x());
-  out.y.push_back(cell_centre.y + shared.y - centre.y());
-  out.arm.push_back(shared.arm);
-  out.weight.push_back(shared.weight);
-  out.separation.push_back(separation);
   float vx = 0.0F, vy = 0.0F, spin = 0.0F;
   if (field.has_surface_velocity()) {
     if (!field.surface_spin.empty()) spin = field.surface_spin[i];
     vx = field.surface_velocity_x[i] - spin * shared.y;
     vy = field.surface_velocity_y[i] + spin * shared.x;
   }
-  out.velocity_x.push_back(vx);
-  out.velocity_y.push_back(vy);
-  out.spin.push_back(spin);
+  out.push_back({cell, cell_centre.x + shared.x - centre.x(), cell_centre.y + shared.y - centre.y(),
+                 shared.arm, shared.weight, separation, vx, vy, spin});
 }
 
 // Adds the samples of one footprint, by ascending cell.
 void add_samples(const surface::Field& field, const Footprint& f, const Vec3& centre,
-                 const BearingContacts& bearing, SupportSamples& out) {
+                 const BearingContacts& bearing, std::vector<Sample>& out) {
   const Columns columns(field, 0.0F);
   const CellRange cells = columns.cells_covering(f.west, f.east, f.south, f.north);
   const FootprintOnCells on_cells(field, f);
@@ -389,7 +388,7 @@ void add_samples(const surface::Field& field, const Footprint& f, const Vec3& ce
 
 // The same for a field of cells at any place and angle.
 void add_samples(const surface::Field& field, const FreeLayoutField& layout, const Footprint& f,
-                 const Vec3& centre, const BearingContacts& bearing, SupportSamples& out) {
+                 const Vec3& centre, const BearingContacts& bearing, std::vector<Sample>& out) {
   thread_local std::vector<std::int32_t> cells;
   layout.find_cells({f.west, f.south, 0}, {f.east, f.north, 0}, cells);
   for (const std::int32_t cell : cells) {
@@ -415,38 +414,36 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
 }
 
 // Merges samples on the same cell, which several parts of a body share, and restores the order.
-void merge_cells(SupportSamples& s, std::size_t first) {
-  const std::array all{&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin, &s.separation};
-  thread_local std::vector<std::size_t> order;
-  order.clear();
-  for (std::size_t i = first; i < s.cell.size(); ++i) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return s.cell[a] < s.cell[b]; });
-  auto permute = [&](auto& values) {
-    thread_local std::decay_t<decltype(values)> sorted;
-    sorted.clear();
-    for (const std::size_t i : order) sorted.push_back(values[i]);
-    std::copy(sorted.begin(), sorted.end(), values.begin() + first);
-  };
-  for (std::vector<float>* values : all) permute(*values);
-  permute(s.cell);
-  std::size_t to = first;
-  for (std::size_t i = first; i < s.cell.size(); ++i) {
-    if (to > first && s.cell[to - 1] == s.cell[i]) {
-      // The arm stands for the size of the area.
-      const float a = s.arm[to - 1] * s.arm[to - 1], b = s.arm[i] * s.arm[i],
-                  share = b / std::max(1e-12F, a + b);
-      for (std::vector<float>* values : {&s.x, &s.y, &s.velocity_x, &s.velocity_y, &s.separation})
-        (*values)[to - 1] += share * ((*values)[i] - (*values)[to - 1]);
-      s.arm[to - 1] = std::sqrt(a + b);
-      s.weight[to - 1] = std::min(1.0F, s.weight[to - 1] + s.weight[i]);
+void merge_cells(std::vector<Sample>& samples) {
+  std::ranges::stable_sort(samples, {}, &Sample::cell);
+  std::size_t to = 0;
+  for (const Sample& s : samples) {
+    if (to == 0 || samples[to - 1].cell != s.cell) {
+      samples[to++] = s;
       continue;
     }
-    for (std::vector<float>* values : all) (*values)[to] = (*values)[i];
-    s.cell[to++] = s.cell[i];
+    // The arm stands for the size of the area.
+    Sample& sum = samples[to - 1];
+    const float a = sum.arm * sum.arm, b = s.arm * s.arm, share = b / std::max(1e-12F, a + b);
+    for (float Sample::*const value :
+         {&Sample::x, &Sample::y, &Sample::velocity_x, &Sample::velocity_y, &Sample::separation})
+      sum.*value += share * (s.*value - sum.*value);
+    sum.arm = std::sqrt(a + b);
+    sum.weight = std::min(1.0F, sum.weight + s.weight);
   }
-  for (std::vector<float>* values : all) values->resize(to);
-  s.cell.resize(to);
+  samples.resize(to);
+}
+
+// Appends the samples of a patch, padded.
+void append(std::span<const Sample> samples, bool has_limits, SupportSamples& out) {
+  std::size_t i = out.size();
+  out.resize(i + (samples.size() + kLanes - 1) / kLanes * kLanes, has_limits);
+  for (const Sample& s : samples) {
+    out.cell[i] = s.cell;
+    out.x[i] = s.x, out.y[i] = s.y, out.arm[i] = s.arm, out.weight[i] = s.weight;
+    out.velocity_x[i] = s.velocity_x, out.velocity_y[i] = s.velocity_y, out.spin[i] = s.spin;
+    out.separation[i++] = s.separation;
+  }
 }
 
 // Finds the shares of a patch's points. A sample moves to where its points can balance its load; one without
@@ -525,23 +522,21 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
 }
 
 // Finds out if the cells move, and if they do as one belt.
-void set_motion(const surface::Field& field, const SupportSamples& s, SupportPatch& patch) {
-  const std::size_t first = patch.first;
-  patch.belt_x = s.velocity_x[first], patch.belt_y = s.velocity_y[first];
+void set_motion(const surface::Field& field, std::span<const Sample> samples, SupportPatch& patch) {
+  patch.belt_x = samples[0].velocity_x, patch.belt_y = samples[0].velocity_y;
   patch.is_one_belt = true;
-  for (std::size_t i = first; i < s.cell.size(); ++i) {
-    const bool turns_or_rises = s.spin[i] != 0.0F || field.speed[s.cell[i]] != 0.0F;
-    patch.turns |= s.spin[i] != 0.0F;
-    patch.moves |= s.velocity_x[i] != 0.0F || s.velocity_y[i] != 0.0F || turns_or_rises;
-    patch.is_one_belt &=
-        !turns_or_rises && s.velocity_x[i] == patch.belt_x && s.velocity_y[i] == patch.belt_y;
+  for (const Sample& s : samples) {
+    const bool turns_or_rises = s.spin != 0.0F || field.speed[s.cell] != 0.0F;
+    patch.turns |= s.spin != 0.0F;
+    patch.moves |= s.velocity_x != 0.0F || s.velocity_y != 0.0F || turns_or_rises;
+    patch.is_one_belt &= !turns_or_rises && s.velocity_x == patch.belt_x && s.velocity_y == patch.belt_y;
   }
 }
 
 void add_springs(const surface::Field& field, const SupportPatch& patch, SupportPatches& out) {
   const SupportSamples& s = out.samples;
-  out.springs.resize(s.cell.size());
-  for (auto i = static_cast<std::size_t>(patch.first); i < s.cell.size(); ++i) {
+  out.springs.resize(s.size());
+  for (Index i = patch.first; i < patch.first + patch.count; ++i) {
     const surface::CellTip& top = field.tip_at(s.cell[i]);
     out.springs[i] = {.separation = s.separation[i],
                       .rise = field.speed[s.cell[i]],
@@ -582,7 +577,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
                        float margin, std::span<const Contact> contacts, SupportPatches& out) {
   if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
-  SupportPatch patch;
+  SupportPatch& patch = out.patches.emplace_back();
   patch.body = body;
   patch.is_elastic = std::ranges::any_of(
       contacts, [&](const Contact& c) { return is_upright(c) && field.is_elastic(c.feature_id); });
@@ -592,6 +587,8 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   if (patch.is_elastic) bearing.elastic_field = &field;
   patch.first = static_cast<std::int32_t>(out.samples.size());
   patch.first_point = static_cast<std::int32_t>(out.points.size());
+  thread_local std::vector<Sample> samples;
+  samples.clear();
   int footprints = 0;
   for_each_part(shape, [&](const ConvexPart& part) {
     Footprint f;
@@ -617,24 +614,23 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
     if (!touches) return;
     if (footprints++ == 0) patch.z = middle_z;
     if (free_layout)
-      add_samples(field, *free_layout, f, centre, bearing, out.samples);
+      add_samples(field, *free_layout, f, centre, bearing, samples);
     else
-      add_samples(field, f, centre, bearing, out.samples);
+      add_samples(field, f, centre, bearing, samples);
   });
-  const auto first = static_cast<std::size_t>(patch.first);
-  if (footprints > 1) merge_cells(out.samples, first);
-  patch.count = static_cast<std::int32_t>(out.samples.cell.size()) - patch.first;
+  if (footprints > 1) merge_cells(samples);
+  append(samples, has_limits, out.samples);
+  patch.count = static_cast<std::int32_t>(samples.size());
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
   if (patch.count < 1 || patch.point_count < 2 || (patch.has_shares && !add_shares(patch, contacts, out))) {
-    out.samples.resize(first, has_limits);
+    out.samples.resize(static_cast<std::size_t>(patch.first), has_limits);
     out.points.resize(patch.first_point);
     if (!out.shares.empty()) out.shares.resize(out.points.size());
+    out.patches.pop_back();
     return false;
   }
-  set_motion(field, out.samples, patch);
+  set_motion(field, samples, patch);
   if (patch.is_elastic) add_springs(field, patch, out);
-  out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes, has_limits);
-  out.patches.push_back(patch);
   return true;
 }
 

@@ -140,7 +140,8 @@ ContactBatch& ConstraintGraph::reset_batch(int index) {
   o.first_point = first_point_[index];
   o.point_count = first_point_[index + 1] - o.first_point;
   o.lane_count = lane_count(index);
-  o.has_rolling_friction = o.has_face_patch = o.has_impulse_limit = false;
+  o.has_friction = o.has_rolling_friction = o.has_face_patch = false;
+  o.has_impulse_limit = o.has_surface_spin = false;
   return o;
 }
 

@@ -26,6 +26,7 @@ struct ContactBatch {
   std::int32_t a[kLanes], b[kLanes];
   std::int32_t first_point = 0, point_count = 0,
                lane_count = 0;        // points [first_point, first_point + point_count)
+  bool has_friction = true;           // of any point
   bool has_rolling_friction = false;  // of any lane
   bool has_impulse_limit = false;     // of any point
   bool has_surface_spin = false;      // of any point

@@ -173,8 +173,12 @@ HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
   V3 slip = velocity - n * speed;
   if constexpr (!kSpheres) slip = slip + load3(q.detail.slip_per_impulse, at) * impulse_change;
   const V3 old_friction = load3(q.point.friction_impulse, at);
-  const V3 friction = friction_impulse(old_friction, slip, load(q.point.tangent_mass, at),
-                                       load(q.point.friction, at) * impulse);
+  V3 friction = old_friction - slip * load(q.point.tangent_mass, at);
+  // Without friction clamped to 0, by no root and quotient for which the next point would wait.
+  if (!kPair && !kSpheres && !l.batch.has_friction && !l.batch.has_impulse_limit)
+    friction = friction * zero();
+  else
+    friction = clamp_length(friction, load(q.point.friction, at) * impulse);
   store3(friction, q.point.friction_impulse, at);
   if constexpr (kSpheres) {
     l.apply_impulse(q, n * impulse_change, n, true);

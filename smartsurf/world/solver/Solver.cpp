@@ -412,6 +412,11 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
       });
       continue;
     }
+    if (!batch.any_alone && !batch.any_wrench_alone) {
+      solve_points_and_friction(batch, batch_points(), static_params, is_soft, velocity_.data(),
+                                delta_pose_.data(), inverse_inertia_.data());
+      continue;
+    }
     const auto solve_points = [&] {
       if (batch.any_in_lanes)
         support_kernels().solve_points(batch.lanes, batch_points(), static_params, is_soft, velocity_.data(),
@@ -502,7 +507,7 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
   context.supports.clear();
   const auto add = [&](int index) {
     const ContactBatch& o = graph_.batch(index);
-    SupportBatch batch;
+    SupportBatch& batch = context.supports.emplace_back();
     batch.lanes.first_point = o.first_point, batch.lanes.point_count = o.point_count;
     batch.lanes.lane_count = o.lane_count;
     std::copy_n(o.a, kLanes, batch.lanes.row);
@@ -523,8 +528,10 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
         batch.lanes.points[lane] |= std::uint32_t{1} << static_cast<unsigned>(k);
       if (std::is_sorted(points.begin(), points.end()))
         batch.friction.points[lane] = batch.lanes.points[lane];
+      else
+        batch.any_wrench_alone = true;
     }
-    if (batch.any_alone || batch.any_in_lanes) context.supports.push_back(batch);
+    if (!batch.any_alone && !batch.any_in_lanes) context.supports.pop_back();
   };
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; run.kind == kGeneralStatic && i < run.first + run.count; ++i) add(i);
@@ -542,8 +549,9 @@ void Solver::prepare_supports(StepContext& context) {
 }
 
 void Solver::store_supports(StepContext& context) {
-  for_each_own_support(context, [](SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
-    store_support(list, p, contacts);
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
+    if (context.input.finds_loads || !finds_loads_when_asked(p)) store_loads(list, p, contacts);
+    store_friction(list, p, contacts);
   });
 }
 

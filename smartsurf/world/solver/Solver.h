@@ -59,6 +59,7 @@ class Solver {
     SkinSolver& skin;
     const ImpactSolver::HasRoom& has_room;
     bool has_turning_cells = false;
+    bool finds_loads = true;     // of support patches, see finds_loads_when_asked()
     float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in

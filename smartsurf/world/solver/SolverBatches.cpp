@@ -247,6 +247,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       put(impulses.y, p.friction_impulse[0]), put(impulses.z, p.friction_impulse[1]);
       put(impulses.w, p.friction_impulse[2]);
       put(load4(lanes.friction + lane), p.friction);
+      o.has_friction |= any_of(load4(lanes.friction + lane) != 0.0F);
       put(Float4{}, p.total_normal_impulse), put(Float4{}, p.relax_target_speed);
       if (of_spheres || of_pairs)
         put(load4(lanes.radius_a + lane), p.radius_a), put(load4(lanes.radius_b + lane), p.radius_b);

@@ -171,11 +171,12 @@ HWY_INLINE D load_wide(const float* lanes, int first) { return widen(load_half(l
 HWY_INLINE void store_narrow(D a, float* lanes, int first) {
   hn::StoreU(narrow(a), HalfTag(), lanes + first);
 }
-HWY_INLINE Half bit_of_lanes(const std::uint32_t (&bits)[kLanes], int first, int bit) {
-  float is_set[kDoubles];
-  for (int i = 0; i < kDoubles; ++i)
-    is_set[i] = static_cast<float>(bits[first + i] >> static_cast<unsigned>(bit) & 1U);
-  return load_half(is_set, 0);
+// 1 in the lanes whose set has the member.
+HWY_INLINE Half has_member(const std::uint32_t (&sets)[kLanes], int first, int member) {
+  const hn::RebindToUnsigned<HalfTag> tag;
+  const auto bit = hn::Set(tag, std::uint32_t{1} << static_cast<unsigned>(member));
+  const auto is_set = hn::TestBit(hn::LoadU(tag, sets + first), bit);
+  return hn::IfThenElseZero(hn::RebindMask(HalfTag(), is_set), constant<Half>(1));
 }
 
 // The bodies of the lanes.
@@ -238,7 +239,7 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   Vector3<D> wrench = load3(stage.wrench, at);
   for (int k = 0; k < s.point_count && k < SupportLanes::kMostPoints; ++k) {
     const BatchPointDetail& d = points.detail[s.first_point + k];
-    const Half has = bit_of_lanes(f.points, at, k);
+    const Half has = has_member(f.points, at, k);
     const D impulse =
         widen(if_positive(has, load_half(points.point[s.first_point + k].normal_impulse, at), none));
     wrench.x = wrench.x + impulse;
@@ -269,10 +270,7 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
           torque = hn::Abs(impulse.z - (x * impulse.y - y * impulse.x));
   const auto sticks = hn::And(hn::Gt(wrench.x, zero_d), hn::Le(pull * polar + torque * reach,
                                                                load_wide(f.friction, at) * wrench.x * polar));
-  double lumps[kDoubles];
-  for (int i = 0; i < kDoubles; ++i)
-    lumps[i] = static_cast<double>(stage.lumps >> static_cast<unsigned>(at + i) & 1U);
-  const auto applies = hn::And(sticks, hn::Gt(load(lumps, 0), zero_d));
+  const auto applies = hn::And(sticks, hn::Gt(load_wide(stage.lumps, at), zero_d));
   const Vector3<D> difference = impulse - old_impulse;
   store_narrow(difference.x, change[0], at);
   store_narrow(difference.y, change[1], at);
@@ -283,9 +281,9 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   return hn::IfThenElseZero(applies, one);
 }
 
-std::uint32_t stick(const SupportLanes& s, const SupportFriction& f, SupportFrictionStage& stage,
-                    BatchPoints points, BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
-  Bodies bodies(s, velocity, inverse_inertia);
+// Returns the set of lanes that stick, whose motion has changed.
+HWY_INLINE std::uint32_t stick_lanes(const SupportLanes& s, const SupportFriction& f,
+                                     SupportFrictionStage& stage, BatchPoints points, Bodies& bodies) {
   float now[3][kLanes] = {}, change[3][kLanes] = {}, applies[kLanes] = {};
   for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth) {
     const BodyLanes& m = bodies.motion[k];
@@ -301,86 +299,33 @@ std::uint32_t stick(const SupportLanes& s, const SupportFriction& f, SupportFric
   }
   for (int lane = 0; lane < s.lane_count; ++lane)
     found |= static_cast<std::uint32_t>(applies[lane]) << static_cast<unsigned>(lane);
-  if (found == 0) return 0;
-  apply_friction(f, change, applies, s.lane_count, bodies);
-  bodies.store_motion(s, velocity);
+  if (found != 0) apply_friction(f, change, applies, s.lane_count, bodies);
   return found;
 }
 
-// Finds the velocity at which the samples cause it, by Newton's method.
-void solve_friction(const SupportLanes& s, const SupportFriction& f, SupportFrictionStage& stage,
-                    std::uint32_t lanes, int passes, BodyVelocity* velocity,
-                    const InverseInertia* inverse_inertia) {
-  // Error of the velocity at which a solution is accurate enough, u/s.
-  constexpr double kVelocityTolerance = 1e-5;
-  const auto has = [](std::uint32_t set, int lane) { return (set >> static_cast<unsigned>(lane) & 1U) != 0; };
-  double q[3][kLanes], sums[7][kLanes] = {};
-  for (int axis = 0; axis < 3; ++axis) std::copy_n(stage.velocity[axis], kLanes, q[axis]);
-  std::uint32_t open = lanes;
-  for (int pass = 0; pass < passes && open != 0; ++pass) {
-    for (int lane = 0; lane < s.lane_count; ++lane) {
-      if (!has(open, lane)) continue;
-      const float at_velocity[3] = {static_cast<float>(q[0][lane]), static_cast<float>(q[1][lane]),
-                                    static_cast<float>(q[2][lane])};
-      const SupportSampleView& samples = stage.samples[lane];
-      double of_lane[7];
-      (samples.limit ? rub_samples<true>
-                     : rub_samples<false>)(samples, stage.cone[lane], stage.offset[lane], at_velocity,
-                                           static_cast<float>(f.tangent_mass[lane]), of_lane);
-      for (int k = 0; k < 7; ++k) sums[k][lane] = of_lane[k];
-    }
-    double is_open[kLanes] = {};
-    for (int at = 0; at < s.lane_count; at += kDoubles) {
-      const Vector3<D> now = load3(stage.velocity, at), old_impulse = load3(stage.impulse, at),
-                       at_velocity = load3(q, at);
-      const Vector3<D> impulse{load(sums[0], at), load(sums[1], at), load(sums[2], at)};
-      // How far q is from the velocity that these impulses cause.
-      const Vector3<D> error =
-          (at_velocity - now) + multiply(load_symmetric(f.response, at), old_impulse - impulse);
-      const D greatest =
-          hn::Max(hn::Max(hn::Abs(error.x), hn::Abs(error.y)), hn::Abs(error.z) * load(f.scale, at));
-      const SymmetricMat3<D> inverse = load_symmetric(f.inverse_response, at);
-      const D t = load(f.tangent_mass, at), sw = t * load(sums[3], at), sx = t * load(sums[4], at),
-              sy = t * load(sums[5], at), polar = t * load(sums[6], at);
-      const SymmetricMat3<D> stiffness{inverse.xx + sw, inverse.yy + sw, inverse.zz + polar,
-                                       inverse.xy,      inverse.xz - sy, inverse.yz + sx};
-      store3<double>(at_velocity - solve_symmetric(stiffness, multiply(inverse, error)), q, at);
-      store(hn::IfThenElseZero(hn::Gt(greatest, constant<D>(kVelocityTolerance)), constant<D>(1)), is_open,
-            at);
-    }
-    for (int lane = 0; lane < s.lane_count; ++lane)
-      if (!(is_open[lane] > 0.0)) open &= ~(std::uint32_t{1} << static_cast<unsigned>(lane));
-  }
-  float change[3][kLanes] = {}, applies[kLanes] = {};
-  for (int lane = 0; lane < s.lane_count; ++lane) {
-    if (!has(lanes, lane)) continue;
-    applies[lane] = 1.0F;
-    for (int axis = 0; axis < 3; ++axis) {
-      change[axis][lane] = static_cast<float>(sums[axis][lane] - stage.impulse[axis][lane]);
-      stage.impulse[axis][lane] = sums[axis][lane];
-    }
-  }
+std::uint32_t stick(const SupportLanes& s, const SupportFriction& f, SupportFrictionStage& stage,
+                    BatchPoints points, BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
   Bodies bodies(s, velocity, inverse_inertia);
-  apply_friction(f, change, applies, s.lane_count, bodies);
-  bodies.store_motion(s, velocity);
+  const std::uint32_t found = stick_lanes(s, f, stage, points, bodies);
+  if (found != 0) bodies.store_motion(s, velocity);
+  return found;
 }
 
 // What solve_points() reads of the bodies, by lane.
 struct SupportedBodies {
-  float velocity_z[kLanes], spin_x[kLanes], spin_y[kLanes], inverse_mass[kLanes];
+  float velocity_z[kLanes], spin_x[kLanes], spin_y[kLanes];
   float moved_z[kLanes], turned_x[kLanes], turned_y[kLanes];
-  float xx[kLanes], xy[kLanes], yy[kLanes];  // of the inverse inertia
 
-  HWY_INLINE void set(int at, const BodyLanes& m, const SymmetricMat3<V>& w, const DeltaPose* delta_pose,
-                      const std::int32_t* row) {
+  HWY_INLINE void set(int at, const BodyLanes& m) {
+    store(m.velocity.z, velocity_z, at);
+    store(m.angular_velocity.x, spin_x, at), store(m.angular_velocity.y, spin_y, at);
+  }
+  HWY_INLINE void set_pose(int at, const DeltaPose* delta_pose, const std::int32_t* row) {
     V3 moved, turned;
     V unused;
     load_rows(&delta_pose->translation[0], row, 0, moved.x, moved.y, moved.z, unused);
     load_rows(&delta_pose->translation[0], row, 4, turned.x, turned.y, turned.z, unused);
-    store(m.velocity.z, velocity_z, at), store(m.inverse_mass, inverse_mass, at);
-    store(m.angular_velocity.x, spin_x, at), store(m.angular_velocity.y, spin_y, at);
     store(moved.z, moved_z, at), store(turned.x, turned_x, at), store(turned.y, turned_y, at);
-    store(w.xx, xx, at), store(w.xy, xy, at), store(w.yy, yy, at);
   }
 };
 
@@ -391,10 +336,7 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
   const D zero_d = constant<D>(0), one = constant<D>(1);
   const Half none = constant<Half>(0);
   const auto of_bodies = [at](const float(&lanes)[kLanes]) HWY_ATTR { return load_half(lanes, at); };
-  const D inverse_mass = widen(of_bodies(bodies.inverse_mass)), xx = widen(of_bodies(bodies.xx)),
-          xy = widen(of_bodies(bodies.xy)), yy = widen(of_bodies(bodies.yy));
-  const D determinant = xx * yy - xy * xy;
-  const D mass = one / inverse_mass, hard_stiffness = mass / constant<D>(kSupportCompliance);
+  const D hard_stiffness = load(s.stiffness, at);
   const D inverse_softness = constant<D>(1.0 / static_cast<double>(params.impulse_scale / params.mass_scale));
   const Half velocity_z = of_bodies(bodies.velocity_z), spin_x = of_bodies(bodies.spin_x),
              spin_y = of_bodies(bodies.spin_y);
@@ -402,9 +344,8 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
     alignas(64) double x[kDoubles], y[kDoubles], stiffness[kDoubles], error[kDoubles], change[kDoubles];
   };
   Point bearing[SupportLanes::kMostPoints];
-  const D inverse_determinant = one / determinant;
-  SymmetricMat3<D> sum{mass,   xx * inverse_determinant, yy * inverse_determinant, zero_d,
-                       zero_d, xy * inverse_determinant};
+  SymmetricMat3<D> sum{load(s.mass, at), load(s.inertia[0], at), load(s.inertia[1], at), zero_d,
+                       zero_d,           load(s.inertia[2], at)};
   Vector3<D> force{zero_d, zero_d, zero_d};
   D greatest_error = zero_d, count = zero_d;
   for (int k = 0; k < s.point_count; ++k) {
@@ -425,7 +366,7 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
       stiffness = if_positive(widen(separation), stiffness, inverse_softness * widen(normal_mass));
     }
     const Half bears_half =
-        if_positive(impulse, if_positive(normal_mass, bit_of_lanes(s.points, at, k), none), none);
+        if_positive(impulse, if_positive(normal_mass, has_member(s.points, at, k), none), none);
     const D bears = widen(bears_half);
     const D error = if_positive(bears, widen(target_speed - speed), zero_d);
     stiffness = if_positive(bears, stiffness, zero_d);
@@ -439,8 +380,7 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
     store(at_x, bearing[k].x, 0), store(at_y, bearing[k].y, 0);
     store(stiffness, bearing[k].stiffness, 0), store(error, bearing[k].error, 0);
   }
-  auto is_solved = hn::And(hn::And(hn::Gt(determinant, zero_d), hn::Gt(inverse_mass, zero_d)),
-                           hn::And(hn::Gt(count, one), hn::Gt(greatest_error, constant<D>(kSupportSolved))));
+  auto is_solved = hn::And(hn::Gt(count, one), hn::Gt(greatest_error, constant<D>(kSupportSolved)));
   if (hn::AllFalse(LanesTag<double>(), is_solved)) return;
   const Vector3<D> change = solve_symmetric(sum, force);
   Vector3<D> wrench{zero_d, zero_d, zero_d};
@@ -467,17 +407,18 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
   }
 }
 
-void solve_points(const SupportLanes& s, BatchPoints points, const SubstepParams& params, bool is_soft,
-                  BodyVelocity* velocity, const DeltaPose* delta_pose,
-                  const InverseInertia* inverse_inertia) {
-  Bodies bodies(s, velocity, inverse_inertia);
+// Returns whether the motion of any lane has changed.
+HWY_INLINE bool solve_points_of_lanes(const SupportLanes& s, BatchPoints points, const SubstepParams& params,
+                                      bool is_soft, const DeltaPose* delta_pose, Bodies& bodies) {
   SupportedBodies of_bodies{};
-  for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth)
-    of_bodies.set(at, bodies.motion[k], bodies.inverse_inertia[k], delta_pose, s.row + at);
+  for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth) {
+    of_bodies.set(at, bodies.motion[k]);
+    if (is_soft) of_bodies.set_pose(at, delta_pose, s.row + at);
+  }
   float wrench[3][kLanes] = {}, applies[kLanes] = {};
   for (int at = 0; at < s.lane_count; at += kDoubles)
     solve_points_from(at, s, of_bodies, points, params, is_soft, wrench, applies);
-  if (std::all_of(applies, applies + kLanes, [](float a) { return a == 0.0F; })) return;
+  if (std::all_of(applies, applies + kLanes, [](float a) { return a == 0.0F; })) return false;
   for (int k = 0, at = 0; at < s.lane_count; ++k, at += kVectorWidth) {
     BodyLanes& m = bodies.motion[k];
     const SymmetricMat3<V>& w = bodies.inverse_inertia[k];
@@ -488,12 +429,95 @@ void solve_points(const SupportLanes& s, BatchPoints points, const SubstepParams
     m.angular_velocity.y = added_if(is_added, m.angular_velocity.y, w.xy * tx + w.yy * ty);
     m.angular_velocity.z = added_if(is_added, m.angular_velocity.z, w.xz * tx + w.yz * ty);
   }
+  return true;
+}
+
+void solve_points(const SupportLanes& s, BatchPoints points, const SubstepParams& params, bool is_soft,
+                  BodyVelocity* velocity, const DeltaPose* delta_pose,
+                  const InverseInertia* inverse_inertia) {
+  Bodies bodies(s, velocity, inverse_inertia);
+  if (solve_points_of_lanes(s, points, params, is_soft, delta_pose, bodies)) bodies.store_motion(s, velocity);
+}
+
+std::uint32_t solve_points_and_stick(const SupportLanes& s, const SupportFriction& f,
+                                     SupportFrictionStage& stage, BatchPoints points,
+                                     const SubstepParams& params, bool is_soft, BodyVelocity* velocity,
+                                     const DeltaPose* delta_pose, const InverseInertia* inverse_inertia) {
+  Bodies bodies(s, velocity, inverse_inertia);
+  bool has_changed = solve_points_of_lanes(s, points, params, is_soft, delta_pose, bodies);
+  const std::uint32_t found = stick_lanes(s, f, stage, points, bodies);
+  has_changed |= found != 0;
+  if (!is_soft && found == f.lanes)
+    has_changed |= solve_points_of_lanes(s, points, params, is_soft, delta_pose, bodies);
+  if (has_changed) bodies.store_motion(s, velocity);
+  return found;
+}
+
+// Finds the velocity at which the samples cause it, by Newton's method.
+void solve_friction(const SupportLanes& s, const SupportFriction& f, SupportFrictionStage& stage,
+                    std::uint32_t lanes, int passes, BatchPoints points, const SubstepParams* params,
+                    BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
+  // Error of the velocity at which a solution is accurate enough, u/s.
+  constexpr double kVelocityTolerance = 1e-5;
+  const auto has = [](std::uint32_t set, int lane) { return (set >> static_cast<unsigned>(lane) & 1U) != 0; };
+  double q[3][kLanes], sums[7][kLanes] = {};
+  for (int axis = 0; axis < 3; ++axis) std::copy_n(stage.velocity[axis], kLanes, q[axis]);
+  std::uint32_t open = lanes;
+  for (int pass = 0; pass < passes && open != 0; ++pass) {
+    for (int lane = 0; lane < s.lane_count; ++lane) {
+      if (!has(open, lane)) continue;
+      const float at_velocity[3] = {static_cast<float>(q[0][lane]), static_cast<float>(q[1][lane]),
+                                    static_cast<float>(q[2][lane])};
+      const SupportSampleView& samples = f.samples[lane];
+      const auto tangent_mass = static_cast<float>(f.tangent_mass[lane]);
+      double of_lane[7];
+      if (samples.limit)
+        rub_samples<true>(samples, stage.cone[lane], stage.offset[lane], at_velocity, tangent_mass, of_lane);
+      else
+        rub_samples<false>(samples, stage.cone[lane], stage.offset[lane], at_velocity, tangent_mass, of_lane);
+      for (int k = 0; k < 7; ++k) sums[k][lane] = of_lane[k];
+    }
+    std::uint32_t stays_open = 0;
+    for (int at = 0; at < s.lane_count; at += kDoubles) {
+      const Vector3<D> now = load3(stage.velocity, at), old_impulse = load3(stage.impulse, at),
+                       at_velocity = load3(q, at);
+      const Vector3<D> impulse{load(sums[0], at), load(sums[1], at), load(sums[2], at)};
+      // How far q is from the velocity that these impulses cause.
+      const Vector3<D> error =
+          (at_velocity - now) + multiply(load_symmetric(f.response, at), old_impulse - impulse);
+      const D greatest =
+          hn::Max(hn::Max(hn::Abs(error.x), hn::Abs(error.y)), hn::Abs(error.z) * load(f.scale, at));
+      const SymmetricMat3<D> inverse = load_symmetric(f.inverse_response, at);
+      const D t = load(f.tangent_mass, at), sw = t * load(sums[3], at), sx = t * load(sums[4], at),
+              sy = t * load(sums[5], at), polar = t * load(sums[6], at);
+      const SymmetricMat3<D> stiffness{inverse.xx + sw, inverse.yy + sw, inverse.zz + polar,
+                                       inverse.xy,      inverse.xz - sy, inverse.yz + sx};
+      store3<double>(at_velocity - solve_symmetric(stiffness, multiply(inverse, error)), q, at);
+      std::uint8_t bits[8];  // as many as StoreMaskBits() may write
+      hn::StoreMaskBits(LanesTag<double>(), hn::Gt(greatest, constant<D>(kVelocityTolerance)), bits);
+      stays_open |= std::uint32_t{bits[0]} << static_cast<unsigned>(at);
+    }
+    open &= stays_open;
+  }
+  float change[3][kLanes] = {}, applies[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) applies[lane] = has(lanes, lane) ? 1.0F : 0.0F;
+  for (int at = 0; at < s.lane_count; at += kDoubles) {
+    const auto is_applied = hn::Gt(load_wide(applies, at), constant<D>(0));
+    for (int axis = 0; axis < 3; ++axis) {
+      const D sum = load(sums[axis], at), old_impulse = load(stage.impulse[axis], at);
+      store_narrow(sum - old_impulse, change[axis], at);
+      store(hn::IfThenElse(is_applied, sum, old_impulse), stage.impulse[axis], at);
+    }
+  }
+  Bodies bodies(s, velocity, inverse_inertia);
+  apply_friction(f, change, applies, s.lane_count, bodies);
+  if (params != nullptr) solve_points_of_lanes(s, points, *params, false, nullptr, bodies);
   bodies.store_motion(s, velocity);
 }
 
 const SupportKernelTable* support_table() {
-  static const SupportKernelTable kTable{sum_loads,      store_loads,  stick,
-                                         solve_friction, sum_friction, solve_points};
+  static const SupportKernelTable kTable{
+      sum_loads, store_loads, stick, solve_friction, sum_friction, solve_points, solve_points_and_stick};
   return &kTable;
 }
 

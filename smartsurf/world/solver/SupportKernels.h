@@ -11,7 +11,7 @@ namespace smartsurf::world {
 // The samples of one patch; `count` is a multiple of kLanes.
 struct SupportSampleView {
   const float *x, *y, *arm, *velocity_x, *velocity_y, *spin, *weight;
-  const float* friction[3];  // of the last solve
+  float* friction[3];  // of the last solve
   float* new_friction[3];
   float* load;
   const float* limit;  // null: unlimited
@@ -31,18 +31,27 @@ struct SupportLanes {
   std::int32_t lane_count = 0;
   std::int32_t row[kLanes] = {};      // of the body
   std::uint32_t points[kLanes] = {};  // bit k: the patch has the batch's point k; 0: no patch
+  // Of the bodies, see set_body(): mass, stiffness of a hard point, and the inertia against turning about x
+  // and y as xx, yy, xy.
+  double mass[kLanes] = {}, stiffness[kLanes] = {}, inertia[3][kLanes] = {};
+
+  // Takes away the points of a body that cannot move so. Call once a step, after `points` is set.
+  void set_body(int lane, float inverse_mass, const InverseInertia&);
 };
 
 // What friction needs to know of these patches for a step; see SupportPatch and SupportSolver.h.
 struct SupportFriction {
+  std::uint32_t lanes = 0;            // with a patch: a bit for each
   std::uint32_t points[kLanes] = {};  // as in SupportLanes; 0 if the wrench of the lane is found elsewhere
   double response[6][kLanes] = {}, inverse_response[6][kLanes] = {}, tangent_mass[kLanes] = {};
   double centre[2][kLanes] = {}, scale[kLanes] = {}, reach[kLanes] = {}, min_arm[kLanes] = {};
   float z[kLanes] = {}, friction[kLanes] = {}, belt[2][kLanes] = {};
+  float lumps[kLanes] = {};  // 1: the samples may be solved as one
+  SupportSampleView samples[kLanes];
 };
 // What a stage of theirs reads and finds. A set of lanes has a bit for each.
 struct SupportFrictionStage {
-  std::uint32_t lumps = 0;         // whose samples may be solved as one
+  float lumps[kLanes] = {};        // 1: the samples may be solved as one, here
   double impulse[3][kLanes] = {};  // of the last stage, then of this one: force along x and y, torque about z
   // The force and moments of the normal impulses about the centre of mass that are not those of
   // SupportFriction::points; then of all, in the scaled coordinates of the loads.
@@ -50,7 +59,6 @@ struct SupportFrictionStage {
   // That of the body's underside below the centre of mass, along x and y, and the spin about z.
   double velocity[3][kLanes] = {};
   // ---- of solve_friction()
-  SupportSampleView samples[kLanes];
   float cone[kLanes][3], offset[kLanes][2];
 };
 
@@ -70,13 +78,19 @@ struct SupportKernelTable {
   // Solves the friction of the samples of these lanes, of at least one, in at most `passes`, and applies it:
   // new_friction = (friction − tangent_mass · slip), scaled into the cone of the loads times the coefficient
   // of friction, `cone`; with limits, of the stored loads times cone[0]. `offset` leads from the samples to
-  // where their friction acts.
+  // where their friction acts. Unless `params` is null, solves the points then, as solve_points().
   void (*solve_friction)(const SupportLanes&, const SupportFriction&, SupportFrictionStage&,
-                         std::uint32_t lanes, int passes, BodyVelocity*, const InverseInertia*);
+                         std::uint32_t lanes, int passes, BatchPoints, const SubstepParams* params,
+                         BodyVelocity*, const InverseInertia*);
   void (*sum_friction)(const SupportSampleView&, double (&impulse)[3]);
   // solve_support_points() of patches without shares and elastic tops, of at most kMostPoints points.
   void (*solve_points)(const SupportLanes&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
                        const DeltaPose*, const InverseInertia*);
+  // Both in one, where SupportFriction::points has the points of all patches; unless `is_soft`, and if all
+  // of them stick, the points again.
+  std::uint32_t (*solve_points_and_stick)(const SupportLanes&, const SupportFriction&, SupportFrictionStage&,
+                                          BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
+                                          const DeltaPose*, const InverseInertia*);
 };
 
 // The kernels for the best instruction set of this machine.

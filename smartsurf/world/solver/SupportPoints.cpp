@@ -8,6 +8,20 @@
 
 namespace smartsurf::world {
 
+void SupportLanes::set_body(int lane, float inverse_mass, const InverseInertia& w) {
+  const double xx = w.xx, xy = w.xy, yy = w.yy, determinant = xx * yy - xy * xy;
+  if (!(determinant > 0.0) || !(inverse_mass > 0.0F)) {
+    points[lane] = 0;
+    return;
+  }
+  const double inverse_determinant = 1.0 / determinant;
+  mass[lane] = 1.0 / static_cast<double>(inverse_mass);
+  stiffness[lane] = mass[lane] / kSupportCompliance;
+  inertia[0][lane] = xx * inverse_determinant;
+  inertia[1][lane] = yy * inverse_determinant;
+  inertia[2][lane] = xy * inverse_determinant;
+}
+
 void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
                           const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
                           const InverseInertia& w) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 #include "smartsurf/world/solver/SupportKernels.h"
@@ -21,8 +22,7 @@ constexpr double kLoadTolerance = 1e-4;
 // Friction uses the last loads in proportion while the centre of force has moved by less, relative to the
 // patch's extent.
 constexpr double kCentreTolerance = 0.01;
-constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5,
-              kMaxSoftFrictionPasses = 5;
+constexpr int kMaxLoadPasses = 12, kMaxLimitedLoadPasses = 40, kMaxFrictionPasses = 5;
 
 SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
   const std::int32_t first = p.first;
@@ -296,28 +296,30 @@ void copy_to_lane(const SupportPatch& p, int lane, SupportFriction& to) {
   to.reach[lane] = p.reach, to.min_arm[lane] = p.min_arm;
   to.z[lane] = p.z, to.friction[lane] = p.friction;
   to.belt[0][lane] = p.belt_x, to.belt[1][lane] = p.belt_y;
+  to.lumps[lane] = may_lump(p) ? 1.0F : 0.0F;
 }
 
 // Finds the loads under the normal impulses of a patch's points, and from them the cones of its samples.
 // False if nothing rubs.
-bool prepare_friction(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft,
-                      const Vector3& target, SupportFrictionStage& stage) {
+bool prepare_friction(SupportPatches& list, SupportPatch& p, const SupportSampleView& samples,
+                      BatchPoints points, bool is_soft, SupportFrictionStage& stage) {
   const int lane = p.lane;
+  const double force = stage.wrench[0][lane], moment_x = stage.wrench[1][lane],
+               moment_y = stage.wrench[2][lane];
   if (p.is_lumped && may_lump(p)) spread_friction(list.samples, p);
-  const SupportSampleView& samples = stage.samples[lane] = view(list.samples, p);
-  const double force = target[0];
-  if (p.is_elastic) p.force = force;  // with the loads of its springs
-  double moved[2] = {};               // the centre of force since the loads were distributed
+  if (p.is_elastic) p.force = force;    // with the loads of its springs
+  double moved_x = 0.0, moved_y = 0.0;  // the centre of force since the loads were distributed
   const bool keeps_loads = p.is_elastic || (p.force > 0.0 && force > 0.0);
-  for (int i = 0; i < 2 && keeps_loads && !p.is_elastic; ++i)
-    moved[i] = target[i + 1] / force - p.centre_of_force[i];
-  const bool has_moved = std::max(std::abs(moved[0]), std::abs(moved[1])) > kCentreTolerance;
+  if (keeps_loads && !p.is_elastic)
+    moved_x = moment_x / force - p.centre_of_force[0], moved_y = moment_y / force - p.centre_of_force[1];
+  const bool has_moved = std::max(std::abs(moved_x), std::abs(moved_y)) > kCentreTolerance;
   if (!keeps_loads || (!is_soft && has_moved && !p.has_shares)) {
+    const Vector3 target(force, moment_x, moment_y);
     if (p.has_shares)
       distribute_within_limits(list, p, points, target, false);
     else
       distribute(samples, p, target);
-    moved[0] = moved[1] = 0.0;
+    moved_x = moved_y = 0.0;
   }
   float(&cone)[3] = stage.cone[lane];
   std::fill_n(cone, 3, 0.0F);
@@ -326,9 +328,47 @@ bool prepare_friction(SupportPatches& list, SupportPatch& p, BatchPoints points,
     cone[0] = static_cast<float>(friction);
   else if (p.force > 0.0)
     in_world_axes(p, p.load, friction, cone);
-  stage.offset[lane][0] = static_cast<float>(p.offset_x + moved[0] * p.scale);
-  stage.offset[lane][1] = static_cast<float>(p.offset_y + moved[1] * p.scale);
+  stage.offset[lane][0] = static_cast<float>(p.offset_x + moved_x * p.scale);
+  stage.offset[lane][1] = static_cast<float>(p.offset_y + moved_y * p.scale);
   return p.force != 0.0 || !Vector3(p.friction_sum).isZero(0.0);
+}
+
+// Finds the friction of the patches in a set of lanes. stick(stage) applies that of those that stick, and
+// returns their set; rub(stage, lanes) that of the others, if there are any.
+template <class Stick, class Rub>
+std::uint32_t solve_friction(SupportBatch& batch, std::uint32_t lanes, BatchPoints points, bool is_soft,
+                             Stick stick, Rub rub) {
+  const auto bit = [](int lane) { return std::uint32_t{1} << static_cast<unsigned>(lane); };
+  const auto for_each_of = [&](std::uint32_t set, auto each) {
+    batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
+      if ((set & bit(lane)) != 0) each(list, p, lane);
+    });
+  };
+  SupportFrictionStage stage;
+  for_each_of(lanes, [&](SupportPatches& list, SupportPatch& p, int lane) {
+    for (int i = 0; i < 3; ++i) stage.impulse[i][lane] = p.friction_sum[i];
+    stage.lumps[lane] = batch.friction.lumps[lane];
+    if (batch.friction.points[lane] != 0) return;
+    const Vector3 wrench = p.is_elastic ? Vector3(p.spring_wrench) : wrench_of_points(list, p, points);
+    for (int i = 0; i < 3; ++i) stage.wrench[i][lane] = wrench[i];
+  });
+  const std::uint32_t sticks = stick(stage);
+  std::uint32_t rubs = 0;
+  for_each_of(lanes & ~sticks, [&](SupportPatches& list, SupportPatch& p, int lane) {
+    if (prepare_friction(list, p, batch.friction.samples[lane], points, is_soft, stage)) rubs |= bit(lane);
+  });
+  if (rubs != 0) rub(stage, rubs);
+  for_each_of(sticks | rubs, [&](SupportPatches&, SupportPatch& p, int lane) {
+    if ((sticks & bit(lane)) != 0) {
+      p.is_lumped = true;
+    } else {
+      SupportSampleView& samples = batch.friction.samples[lane];
+      std::swap(samples.friction, samples.new_friction);
+      p.current = 1 - p.current;
+    }
+    for (int i = 0; i < 3; ++i) p.friction_sum[i] = stage.impulse[i][lane];
+  });
+  return sticks;
 }
 
 }  // namespace
@@ -339,7 +379,7 @@ void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const
   SupportPatch& p = *batch.patch[lane];
   const std::span<const Contact> contacts = batch.contacts[lane];
   SupportSamples& s = list.samples;
-  const SupportSampleView samples = view(s, p);
+  const SupportSampleView& samples = batch.friction.samples[lane] = view(s, p);
   const float ones[3] = {1.0F, 0.0F, 0.0F};
   LoadSums sums;
   support_kernels().sum_loads(samples, ones, sums);
@@ -360,7 +400,9 @@ void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const
   std::copy_n(k, 6, p.response);
   store(symmetric(k).inverse(), p.inverse_response);
   p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
+  batch.lanes.set_body(lane, m.inverse_mass, w);
   copy_to_lane(p, lane, batch.friction);
+  batch.friction.lanes |= std::uint32_t{1} << static_cast<unsigned>(lane);
   if (!p.has_friction) {
     for (const std::int32_t i : points_of(list, p)) {
       const Contact& c = contacts[i];
@@ -381,38 +423,36 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
 
 void solve_supports(SupportBatch& batch, std::uint32_t lanes, BatchPoints points, bool is_soft,
                     BodyVelocity* velocity, const InverseInertia* inverse_inertia) {
-  const auto bit = [](int lane) { return std::uint32_t{1} << static_cast<unsigned>(lane); };
-  const auto for_each_of = [&](std::uint32_t set, auto each) {
-    batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
-      if ((set & bit(lane)) != 0) each(list, p, lane);
-    });
-  };
-  SupportFrictionStage stage;
-  for_each_of(lanes, [&](SupportPatches& list, SupportPatch& p, int lane) {
-    for (int i = 0; i < 3; ++i) stage.impulse[i][lane] = p.friction_sum[i];
-    if (may_lump(p)) stage.lumps |= bit(lane);
-    if (batch.friction.points[lane] != 0) return;
-    const Vector3 wrench = p.is_elastic ? Vector3(p.spring_wrench) : wrench_of_points(list, p, points);
-    for (int i = 0; i < 3; ++i) stage.wrench[i][lane] = wrench[i];
-  });
   const SupportKernelTable& kernels = support_kernels();
-  const std::uint32_t sticks =
-      kernels.stick(batch.lanes, batch.friction, stage, points, velocity, inverse_inertia);
-  std::uint32_t rubs = 0;
-  for_each_of(lanes & ~sticks, [&](SupportPatches& list, SupportPatch& p, int lane) {
-    const Vector3 target(stage.wrench[0][lane], stage.wrench[1][lane], stage.wrench[2][lane]);
-    if (prepare_friction(list, p, points, is_soft, target, stage)) rubs |= bit(lane);
-  });
-  if (rubs != 0)
-    kernels.solve_friction(batch.lanes, batch.friction, stage, rubs,
-                           is_soft ? kMaxSoftFrictionPasses : kMaxFrictionPasses, velocity, inverse_inertia);
-  for_each_of(sticks | rubs, [&](SupportPatches&, SupportPatch& p, int lane) {
-    if ((sticks & bit(lane)) != 0)
-      p.is_lumped = true;
-    else
-      p.current = 1 - p.current;
-    for (int i = 0; i < 3; ++i) p.friction_sum[i] = stage.impulse[i][lane];
-  });
+  solve_friction(
+      batch, lanes, points, is_soft,
+      [&](SupportFrictionStage& stage) {
+        return kernels.stick(batch.lanes, batch.friction, stage, points, velocity, inverse_inertia);
+      },
+      [&](SupportFrictionStage& stage, std::uint32_t rubs) {
+        kernels.solve_friction(batch.lanes, batch.friction, stage, rubs, kMaxFrictionPasses, points, nullptr,
+                               velocity, inverse_inertia);
+      });
+}
+
+void solve_points_and_friction(SupportBatch& batch, BatchPoints points, const SubstepParams& params,
+                               bool is_soft, BodyVelocity* velocity, const DeltaPose* delta_pose,
+                               const InverseInertia* inverse_inertia) {
+  const SupportKernelTable& kernels = support_kernels();
+  bool any_rubs = false;
+  const std::uint32_t sticks = solve_friction(
+      batch, kAllLanes, points, is_soft,
+      [&](SupportFrictionStage& stage) {
+        return kernels.solve_points_and_stick(batch.lanes, batch.friction, stage, points, params, is_soft,
+                                              velocity, delta_pose, inverse_inertia);
+      },
+      [&](SupportFrictionStage& stage, std::uint32_t rubs) {
+        any_rubs = true;
+        kernels.solve_friction(batch.lanes, batch.friction, stage, rubs, kMaxFrictionPasses, points,
+                               is_soft ? nullptr : &params, velocity, inverse_inertia);
+      });
+  if (!is_soft && !any_rubs && sticks != batch.friction.lanes)
+    kernels.solve_points(batch.lanes, points, params, is_soft, velocity, delta_pose, inverse_inertia);
 }
 
 void share_loads(SupportPatches& list, SupportPatch& p, BatchPoints points) {
@@ -421,28 +461,37 @@ void share_loads(SupportPatches& list, SupportPatch& p, BatchPoints points) {
   distribute_within_limits(list, p, points, scaled_wrench(p, wrench[0], wrench[1], wrench[2]), true);
 }
 
-void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
+void store_loads(SupportPatches& list, SupportPatch& p, std::span<const Contact> contacts) {
   const SupportSampleView samples = view(list.samples, p);
-  double force = 0.0, moment_x = 0.0, moment_y = 0.0, x = 0.0, y = 0.0, squares = 0.0;
-  for (const std::int32_t i : points_of(list, p)) {
-    const Contact& c = contacts[i];
-    const double impulse = c.total_normal_impulse, at_x = c.anchor.x(), at_y = c.anchor.y();
-    force += impulse, moment_x += impulse * at_x, moment_y += impulse * at_y;
-    x += at_x, y += at_y, squares += at_x * at_x + at_y * at_y;
-  }
   if (p.is_elastic) {
     for (Index i = 0; i < p.count; ++i) samples.load[i] = list.springs[p.first + i].step_load;
-  } else if (p.has_shares) {
+    return;
+  }
+  if (p.has_shares) {
     std::fill_n(samples.load, p.count, 0.0F);
     for (int i = 0; i < p.point_count; ++i) {
       const std::int32_t k = p.first_point + i;
       samples.load[list.shares[k].sample] += contacts[list.points[k]].total_normal_impulse;
     }
-  } else {
-    distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
-    float load[3] = {};
-    if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
-    support_kernels().store_loads(samples, load);
+    return;
+  }
+  double force = 0.0, moment_x = 0.0, moment_y = 0.0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const Contact& c = contacts[i];
+    const double impulse = c.total_normal_impulse, at_x = c.anchor.x(), at_y = c.anchor.y();
+    force += impulse, moment_x += impulse * at_x, moment_y += impulse * at_y;
+  }
+  distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
+  float load[3] = {};
+  if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
+  support_kernels().store_loads(samples, load);
+}
+
+void store_friction(const SupportPatches& list, const SupportPatch& p, std::span<Contact> contacts) {
+  double x = 0.0, y = 0.0, squares = 0.0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const double at_x = contacts[i].anchor.x(), at_y = contacts[i].anchor.y();
+    x += at_x, y += at_y, squares += at_x * at_x + at_y * at_y;
   }
   const double count = p.point_count;
   x /= count, y /= count;

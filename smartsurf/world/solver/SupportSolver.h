@@ -27,10 +27,11 @@ inline constexpr std::uint32_t kAllLanes = (1U << static_cast<unsigned>(kLanes))
 // The support patches of the bodies in one batch of static contacts.
 struct SupportBatch {
   SupportPatches* list[kLanes] = {};
-  SupportPatch* patch[kLanes] = {};              // null: the lane has none
-  std::span<Contact> contacts[kLanes];           // of the body with what is static
-  bool any_in_lanes = false, any_alone = false;  // whether the points of any are solved with the others, and
-                                                 // by themselves
+  SupportPatch* patch[kLanes] = {};     // null: the lane has none
+  std::span<Contact> contacts[kLanes];  // of the body with what is static
+  // Whether the points of any are solved with the others, by themselves, and whether their wrench is found
+  // by itself.
+  bool any_in_lanes = false, any_alone = false, any_wrench_alone = false;
   SupportLanes lanes;
   SupportFriction friction;
 
@@ -53,10 +54,17 @@ void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia
 // relax stage.
 void solve_supports(SupportBatch&, std::uint32_t lanes, BatchPoints, bool is_soft, BodyVelocity*,
                     const InverseInertia*);
+// The same with the points of the patches, before it and, unless `is_soft`, after it: friction tilts a body,
+// and the normal constraints must hold at the end of the step. No patch of the batch is alone.
+void solve_points_and_friction(SupportBatch&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
+                               const DeltaPose*, const InverseInertia*);
 // Gives the load of each cell to its points, at the end of the relax stage, if there are force limits.
 void share_loads(SupportPatches&, SupportPatch&, BatchPoints);
-// Stores the loads over the step at its end, and shares the friction impulse among the contacts, where it
-// warm-starts the next step if the patch is gone by then.
-void store_support(SupportPatches&, SupportPatch&, std::span<Contact> contacts);
+// Stores the loads over the step at its end, once. Of some patches the coming steps do not depend on them.
+void store_loads(SupportPatches&, SupportPatch&, std::span<const Contact>);
+inline bool finds_loads_when_asked(const SupportPatch& p) { return !p.is_elastic && !p.has_shares; }
+// Shares the friction impulse at the end of the step among the contacts, where it warm-starts the next step
+// if the patch is gone by then.
+void store_friction(const SupportPatches&, const SupportPatch&, std::span<Contact>);
 
 }  // namespace smartsurf::world

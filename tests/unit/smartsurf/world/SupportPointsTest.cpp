@@ -55,6 +55,7 @@ struct Batch {
         lanes.points[lane] |= 1U << static_cast<unsigned>(k);
         ++p.point_count;
       }
+      lanes.set_body(lane, velocity[lane].inverse_mass, inverse_inertia[lane]);
       list[lane].patches.push_back(p);
     }
   }

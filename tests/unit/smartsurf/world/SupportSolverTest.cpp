@@ -31,6 +31,7 @@ struct Bodies {
       inverse_inertia[lane] = {draw(1, 2), draw(1, 2), draw(1, 2), 0.1F, -0.2F, 0.1F};
       for (int k = 0; k < kPoints; ++k) {
         points[k].normal_impulse[lane] = draw(0, 1) < 0.2F ? 0.0F : draw(0, 2);
+        points[k].normal_mass[lane] = draw(0.1F, 1.0F);
         for (int axis = 0; axis < 2; ++axis) details[k].anchor_a[axis][lane] = draw(-1, 1);
       }
       if (draw(0, 1) < 0.1F) continue;
@@ -49,14 +50,15 @@ struct Bodies {
     }
   }
   BatchPoints batch_points() { return {points.data(), details.data(), nullptr}; }
-  SupportBatch batch() {
+  // all_in_lanes: of all patches, not of half of them.
+  SupportBatch batch(bool all_in_lanes = false) {
     SupportBatch b;
     b.lanes.point_count = kPoints, b.lanes.lane_count = kLanes;
     for (int lane = 0; lane < kLanes; ++lane) {
       b.lanes.row[lane] = lane;
       if (list[lane].patches.empty()) continue;
       b.list[lane] = &list[lane], b.patch[lane] = list[lane].patches.data();
-      b.lanes.points[lane] = b.friction.points[lane] = lane % 2 == 0 ? 0xFU : 0U;
+      b.lanes.points[lane] = b.friction.points[lane] = all_in_lanes || lane % 2 == 0 ? 0xFU : 0U;
       prepare_support(b, lane, velocity[lane], inverse_inertia[lane], 0.5F, 0.25F);
     }
     return b;
@@ -93,6 +95,60 @@ TEST(SupportSolver, FrictionIsTheSameInLanesAsAlone) {
   }
   EXPECT_GT(lumped, 100);
   EXPECT_GT(rubbing, 1000);
+}
+
+TEST(SupportSolver, PointsAndFrictionAreTheSameTogetherAsOneAfterTheOther) {
+  const SubstepParams params{.h_s = 1.0F / 960,
+                             .inverse_h = 960.0F,
+                             .bias_rate = 60.0F,
+                             .mass_scale = 0.8F,
+                             .impulse_scale = 0.2F,
+                             .steady_share = 0.9F,
+                             .steady_gain = 0.1F,
+                             .max_bias_velocity = 4.0F};
+  const DeltaPose at_rest[kLanes] = {};
+  std::mt19937 random(20261128);
+  int solved = 0, all_stick = 0;
+  for (int draw = 0; draw < 4000; ++draw) {
+    Bodies together(random);
+    // Slow bodies whose faces are belts all stick.
+    for (int lane = 0; draw % 2 == 0 && lane < kLanes; ++lane) {
+      for (float& v : together.velocity[lane].velocity) v *= 0.01F;
+      for (float& v : together.velocity[lane].angular_velocity) v *= 0.01F;
+      for (SupportPatch& p : together.list[lane].patches) p.is_one_belt = true, p.belt_x = 0.0F;
+    }
+    Bodies apart = together;
+    const Bodies before = together;
+    SupportBatch one = together.batch(true), three = apart.batch(true);
+    for (const bool is_soft : {true, false}) {
+      solve_points_and_friction(one, together.batch_points(), params, is_soft, together.velocity, at_rest,
+                                together.inverse_inertia);
+      const auto solve_points = [&] {
+        support_kernels().solve_points(three.lanes, apart.batch_points(), params, is_soft, apart.velocity,
+                                       at_rest, apart.inverse_inertia);
+      };
+      solve_points();
+      solve_supports(three, kAllLanes, apart.batch_points(), is_soft, apart.velocity, apart.inverse_inertia);
+      if (!is_soft) solve_points();
+    }
+    bool sticks = true;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      for (int i = 0; i < 3; ++i) {
+        ASSERT_EQ(together.velocity[lane].velocity[i], apart.velocity[lane].velocity[i]) << draw;
+        ASSERT_EQ(together.velocity[lane].angular_velocity[i], apart.velocity[lane].angular_velocity[i])
+            << draw;
+      }
+      for (int k = 0; k < Bodies::kPoints; ++k)
+        ASSERT_EQ(together.points[k].normal_impulse[lane], apart.points[k].normal_impulse[lane]) << draw;
+      solved += together.velocity[lane].velocity[2] != before.velocity[lane].velocity[2] ? 1 : 0;
+      if (together.list[lane].patches.empty()) continue;
+      sticks &= together.list[lane].patches[0].is_lumped;
+      ASSERT_EQ(together.list[lane].samples.friction, apart.list[lane].samples.friction) << draw;
+    }
+    all_stick += sticks ? 1 : 0;
+  }
+  EXPECT_GT(solved, 1000);
+  EXPECT_GT(all_stick, 20);
 }
 
 }  // namespace
