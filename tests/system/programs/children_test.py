@@ -86,7 +86,7 @@ class ChildrenTest(ProgramTest):
     def left(self):
         return sorted(path.name for path in (self.folder / "work").iterdir())
 
-    def wave(self, until="3"):
+    def wave(self, until="0.5"):
         recording = self.folder / "wave.h5"
         if not recording.exists():
             status, _, err = self.run_program(SMARTSURF, "run", WAVE, "--no-controller", "--record", recording, "--until", until)
@@ -141,7 +141,7 @@ class Children(ChildrenTest):
         self.ffmpeg(self.STALLS_HALFWAY)
         recording = self.wave()
         self.assertGreaterEqual(self.kill_each(
-            lambda: self.start(SMARTSURF, "replay", recording, "--video", "v.mp4", "--screenshot", "v.png@2", *SMALL_PICTURE),
+            lambda: self.start(SMARTSURF, "replay", recording, "--video", "v.mp4", "--screenshot", "v.png@0.2", *SMALL_PICTURE),
             self.runs("sleep 1000000")), 5)
 
     @needs_view
@@ -172,7 +172,7 @@ class Encoders(ChildrenTest):
         started = []
         for number, (body, reason) in enumerate(misbehaviours):
             self.ffmpeg(body, f"bin{number}")
-            for command in ((SMARTSURF, "replay", self.wave()), (SMARTSURF, "run", WAVE, "--no-controller", "--until", "3")):
+            for command in ((SMARTSURF, "replay", self.wave()), (SMARTSURF, "run", WAVE, "--no-controller", "--until", "0.5")):
                 name = f"{command[1]}{number}.mp4"
                 started.append((body, command[1], f"{name}: {reason}", self.start_video(name, *command)))
         for body, command, reason, child in started:

@@ -371,6 +371,8 @@ class Import(ProgramTest):
         self.check_status("#if " + "(" * 300 + "1" + ")" * 300 + "\nint main(){ scamp5_in(A, 1); }\n#endif", 2, "one.cpp:1: error: the condition is nested too deeply")
         macros = "#define M0(x) x\n" + "".join(f"#define M{k}(x) {f'M{k - 1}(x) ' * 10}\n" for k in range(1, 7))
         self.check_status(macros + "int main(){ M6(res(A);) }", 2, "expand to more than 300000 words")
+        doubling = "#define A0 1\n" + "".join(f"#define A{k} A{k - 1} + A{k - 1}\n" for k in range(1, 60))
+        self.check_status(doubling + "int main(){ scamp5_in(A, A59); }", 2, "expand to more than 300000 words")
 
     def test_local_includes_are_followed(self):
         rect = ("#pragma once\n#include \"deep/limits.hpp\"\ninline void DREG_load_centered_rect(DREG y, int x, int r, int w){\n"

@@ -2,20 +2,46 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/unit/apron/debugger/TestSource.h"
+#include "apron/debugger/DebugSession.h"
+#include "tests/unit/apron/vm/TestProgram.h"
 
+// Programs are written by hand, so that ThreadSanitizer's build does without the compiler.
 namespace apron::debugger::test {
 namespace {
 
 using namespace std::chrono_literals;
+using program::Operand;
+using vm::test::FakeHost;
+using vm::test::Opcode;
+using vm::test::TestProgram;
+
+// Counts ticks in v0, and writes the count to all cells but one.
+program::Program counting_program() {
+  TestProgram b;
+  const Operand cells = b.reg(8, 6), count = b.var();
+  b.add(Opcode::kAdd, count, count, b.lit(1));
+  b.add(Opcode::kMul, cells, count, b.lit(2));
+  b.add(Opcode::kPixelSet, cells, b.lit(0), b.lit(0), b.lit(100));
+  b.add(Opcode::kSurfaceStep);
+  b.add(Opcode::kJump, {}, TestProgram::label(0));
+  return b.finish();
+}
+
+// Counts in v0 and never steps.
+program::Program endless_program() {
+  TestProgram b;
+  const Operand count = b.var();
+  b.add(Opcode::kAdd, count, count, b.lit(1));
+  b.add(Opcode::kJump, {}, TestProgram::label(0));
+  return b.finish();
+}
 
 class SessionThreadTest : public testing::Test {
  protected:
-  void start(const std::string& text) {
-    code = compile(text);
+  void start(program::Program program) {
     vm::VmOptions options;
     options.stop = &interrupt;
-    session = std::make_unique<DebugSession>(code.program, options, host);
+    session = std::make_unique<DebugSession>(std::move(program), options, host);
     session_thread = std::make_unique<SessionThread>(*session, interrupt);
   }
   // Polls until a snapshot satisfies the predicate. The timeout only expires if something hangs.
@@ -37,13 +63,12 @@ class SessionThreadTest : public testing::Test {
 
   std::atomic<bool> interrupt{false};
   FakeHost host;
-  CompiledSource code;
   std::unique_ptr<DebugSession> session;
   std::unique_ptr<SessionThread> session_thread;
 };
 
 TEST_F(SessionThreadTest, RunsTakesSnapshotsAndPausesBetweenTicks) {
-  start(kCounting);
+  start(counting_program());
   EXPECT_EQ(wait_for([](const DebugSnapshot&) { return true; }).ticks, 0U);
   post([](DebugSession& s) { s.run(); });
   wait_for([](const DebugSnapshot& l) { return l.ticks > 100; });
@@ -61,7 +86,7 @@ TEST_F(SessionThreadTest, RunsTakesSnapshotsAndPausesBetweenTicks) {
 }
 
 TEST_F(SessionThreadTest, TakesSnapshotsDuringEndlessTick) {
-  start("x = 0\nwhile(1)\n  x = x + 1\nendwhile\n");
+  start(endless_program());
   post([](DebugSession& s) { s.run(); });
   const DebugSnapshot first = wait_for([](const DebugSnapshot& l) { return l.variables.front() > 0.0F; });
   EXPECT_EQ(first.mode, ExecutionState::kRunning);
@@ -71,14 +96,14 @@ TEST_F(SessionThreadTest, TakesSnapshotsDuringEndlessTick) {
 }
 
 TEST_F(SessionThreadTest, DestructorInterruptsEndlessProgram) {
-  start("while(1)\nendwhile\n");
+  start(endless_program());
   post([](DebugSession& s) { s.run(); });
   session_thread.reset();  // hangs if the destructor does not interrupt the program
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 
 TEST_F(SessionThreadTest, WalksOnTimer) {
-  start(kCounting);
+  start(counting_program());
   post([](DebugSession& s) { s.walk(StepUnit::kLine, 1ms); });
   wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kWalking && l.ticks >= 1; });
 }
