@@ -37,7 +37,8 @@ struct ClosestPoints {
 // The final simplex of a query, in body axes, as a starting point for the next one. Affects speed only.
 struct SimplexCache {
   int count = 0;  // vertices of the simplex; 0: empty
-  Vec3 on_a[3], on_b[3];
+  // Those that are not used are saved, too.
+  Vec3 on_a[3]{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()}, on_b[3]{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
 };
 // If the cores are farther apart than `limit`, only the distance is set, to some value beyond it.
 // `towards_a`: estimate of the direction from b to a, of any length. `cache`: read and updated; may be null.

@@ -326,6 +326,14 @@ class SavedStates(ExperimentTest):
             with self.subTest(actuator=name):
                 self.check_replay(self.script(TASK_OF_EACH_ACTUATOR % actuator, name + ".lua"), 30, 40)
 
+    def test_equal_states_have_equal_bytes_in_every_process(self):
+        program = ("import hashlib, sys, smartsurf\n"
+                   "s = smartsurf.Simulation(sys.argv[1], seed=1, set={'count': 100, 'cells': 16})\n"
+                   "for _ in range(60): s.step()\nprint(hashlib.sha256(s.save()).hexdigest())")
+        command = [sys.executable, "-B", "-c", program, ROOT / "scripts/examples/pour.lua"]
+        digests = {subprocess.run(command, check=True, capture_output=True).stdout for _ in range(3)}
+        self.assertEqual(len(digests), 1)
+
     def test_tasks_can_be_saved(self):
         for task in smartsurf.TASKS:
             with self.subTest(task=task.id):
