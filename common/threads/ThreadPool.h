@@ -29,13 +29,13 @@ inline thread_local std::int64_t spins_of_this_thread = 0;
 // How a thread waits for another that works on the same job: it looks again and again, for longer than most
 // waits take. Returns false after kMostSpin: then the other thread has no core, and this one had better
 // sleep. It does not yield its core in between: where other programs keep the cores busy, it would get it
-// back milliseconds later. It looks without a pause first: a pause takes longer than a cache line takes from
-// core to core.
-inline constexpr int kLooksBeforePause = 16, kSpinsPerLook = 64;
+// back milliseconds later. The first checks have no pause between them: a pause takes longer than a cache
+// line takes from core to core.
+inline constexpr int kChecksBeforePause = 16, kSpinsPerLook = 64;
 inline constexpr std::chrono::microseconds kMostSpin{200};
 template <class Reached>
 bool spin_until(const Reached& reached, std::chrono::nanoseconds most = kMostSpin) noexcept {
-  for (int look = 0; look < kLooksBeforePause; ++look)
+  for (int check = 0; check < kChecksBeforePause; ++check)
     if (reached()) return true;
   std::chrono::steady_clock::time_point begin;
   for (bool is_first = true;; is_first = false) {

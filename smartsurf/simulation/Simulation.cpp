@@ -193,7 +193,7 @@ void Simulation::archive(common::StateArchive& a) {
   catalogue_.resize(count);
   for (std::size_t id = declared; id < count; ++id) archive_object(a, catalogue_[id]);
   a(joints_);
-  engine_->write_impulses();
+  if (a.saves()) engine_->write_impulses();  // to the field, which the actuators save
   actuator_array_.archive(a);
   engine_->archive(a, catalogue_, declared);
   departures_.archive(a);

@@ -76,8 +76,8 @@ class Engine {
   // Advances by one time step. Reads the field's heights and planned velocities; writes Field::impulse and
   // lowers Field::speed of cells that yield under their force limit. The caller commits the field afterwards.
   virtual void step() = 0;
-  // From now on Field::impulse may be that of an earlier step until write_impulses() is called: where many
-  // objects lie flat, it takes a twentieth of a step.
+  // From now on Field::impulse may be that of an earlier step until write_impulses() is called. Finding the
+  // loads under many flat objects takes a twentieth of a step.
   virtual void write_impulses_when_asked() {}
   virtual void write_impulses() {}
 

@@ -139,10 +139,10 @@ class ImpactSolver {
     std::uint32_t sweep = 0;  // since the sweeps were shared
     float result[2];          // of the last two sweeps
   };
-  // By row.
+  // By row. A cut before the row divides the sum of `across` up to it.
   struct RowPoints {
     std::int32_t points = 0;  // of which it is row_a
-    std::int32_t across = 0;  // change, from the row before, of the points that a cut before it divides
+    std::int32_t across = 0;  // points whose first row is the one before, less those whose last row is
   };
   // By row.
   struct Passing {

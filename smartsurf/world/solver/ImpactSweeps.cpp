@@ -72,9 +72,9 @@ void ImpactSolver::share_points(int member_count) {
 }
 
 // Cuts the rows where each member gets about as many of the present points, and where few of these have one
-// body on either side: such bodies are passed from core to core.
+// body on either side.
 void ImpactSolver::choose_cuts(int member_count) {
-  constexpr int kVisitsOfPassing = 8;  // what passing a body costs
+  constexpr int kPassingCost = 8;  // of a body from core to core, in visits of points
   const auto rows = static_cast<std::int32_t>(version_.size());
   row_points_.assign(version_.size() + 1, {});
   for (const Point& p : points_) {
@@ -91,7 +91,7 @@ void ImpactSolver::choose_cuts(int member_count) {
     double least = std::numeric_limits<double>::infinity();
     for (std::int32_t row = 0, before = 0, across = 0; row < rows; before += row_points_[row++].points) {
       across += row_points_[row].across;
-      const double cost = std::abs(before - even) + kVisitsOfPassing * across;
+      const double cost = std::abs(before - even) + kPassingCost * across;
       if (cost < least) least = cost, cut_rows_[m - 1] = row;
     }
     if (m > 1) cut_rows_[m - 1] = std::max(cut_rows_[m - 1], cut_rows_[m - 2]);
@@ -236,17 +236,18 @@ void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
 float ImpactSolver::count_change(const Point& p, float impulse_change, const Visit& visit) {
   const float whole = p.normal_mass * p.blow_speed,
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
-  if (change > tolerance_)
-    for (const std::int32_t body : {p.a, p.b})
-      if (body >= 0) {
-        ++version_[body == p.a ? p.row_a : p.row_b];
-        if (visit.state == nullptr) {
-          mark_changed(body);
-        } else if (!is_changed_[body]) {
-          is_changed_[body] = 1;
-          visit.state->changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
-        }
-      }
+  if (!(change > tolerance_)) return change;
+  ++version_[p.row_a];
+  if (p.row_b >= 0) ++version_[p.row_b];
+  for (const std::int32_t body : {p.a, p.b}) {
+    if (body < 0) continue;
+    if (visit.state == nullptr) {
+      mark_changed(body);
+    } else if (!is_changed_[body]) {
+      is_changed_[body] = 1;
+      visit.state->changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
+    }
+  }
   return change;
 }
 

@@ -31,11 +31,11 @@ struct SupportLanes {
   std::int32_t lane_count = 0;
   std::int32_t row[kLanes] = {};      // of the body
   std::uint32_t points[kLanes] = {};  // bit k: the patch has the batch's point k; 0: no patch
-  // Of the bodies, see set_body(): mass, stiffness of a hard point, and the inertia against turning about x
-  // and y as xx, yy, xy.
+  // set_body() sets these: the body's mass, the stiffness of a hard point, and the inertia against turning
+  // about x and y as xx, yy, xy.
   double mass[kLanes] = {}, stiffness[kLanes] = {}, inertia[3][kLanes] = {};
 
-  // Takes away the points of a body that cannot move so. Call once a step, after `points` is set.
+  // A body that cannot move so loses its points. Call once a step, after `points` is set.
   void set_body(int lane, float inverse_mass, const InverseInertia&);
 };
 
@@ -49,14 +49,14 @@ struct SupportFriction {
   float lumps[kLanes] = {};  // 1: the samples may be solved as one
   SupportSampleView samples[kLanes];
 };
-// What a stage of theirs reads and finds. A set of lanes has a bit for each.
+// What a stage of friction reads and finds. A set of lanes has a bit for each.
 struct SupportFrictionStage {
-  float lumps[kLanes] = {};        // 1: the samples may be solved as one, here
+  float lumps[kLanes] = {};        // that of SupportFriction in the lanes to be solved, 0 in others
   double impulse[3][kLanes] = {};  // of the last stage, then of this one: force along x and y, torque about z
   // The force and moments of the normal impulses about the centre of mass that are not those of
   // SupportFriction::points; then of all, in the scaled coordinates of the loads.
   double wrench[3][kLanes] = {};
-  // That of the body's underside below the centre of mass, along x and y, and the spin about z.
+  // Velocity along x and y of the body's underside below the centre of mass, and spin about z.
   double velocity[3][kLanes] = {};
   // ---- of solve_friction()
   float cone[kLanes][3], offset[kLanes][2];

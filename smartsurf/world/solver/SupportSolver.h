@@ -54,13 +54,14 @@ void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia
 // relax stage.
 void solve_supports(SupportBatch&, std::uint32_t lanes, BatchPoints, bool is_soft, BodyVelocity*,
                     const InverseInertia*);
-// The same with the points of the patches, before it and, unless `is_soft`, after it: friction tilts a body,
-// and the normal constraints must hold at the end of the step. No patch of the batch is alone.
+// Solves friction, and the points of the patches before it and, unless `is_soft`, after it: friction tilts a
+// body, and the normal constraints must hold at the end of the step. No patch of the batch is alone.
 void solve_points_and_friction(SupportBatch&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
                                const DeltaPose*, const InverseInertia*);
 // Gives the load of each cell to its points, at the end of the relax stage, if there are force limits.
 void share_loads(SupportPatches&, SupportPatch&, BatchPoints);
-// Stores the loads over the step at its end, once. Of some patches the coming steps do not depend on them.
+// Stores the loads over the step at its end, once. The coming steps depend on those of some patches only, of
+// which finds_loads_when_asked() is false.
 void store_loads(SupportPatches&, SupportPatch&, std::span<const Contact>);
 inline bool finds_loads_when_asked(const SupportPatch& p) { return !p.is_elastic && !p.has_shares; }
 // Shares the friction impulse at the end of the step among the contacts, where it warm-starts the next step

@@ -126,7 +126,7 @@ TEST(ThreadPool, SpinsEndWithTheWaitOrAfterAWhile) {
   const std::int64_t before = common::spins_of_this_thread;
   int looks = 0;
   EXPECT_TRUE(common::spin_until([&] { return ++looks == 100; }));
-  EXPECT_EQ(common::spins_of_this_thread - before, 99 - common::kLooksBeforePause);
+  EXPECT_EQ(common::spins_of_this_thread - before, 99 - common::kChecksBeforePause);
   EXPECT_FALSE(common::spin_until([] { return false; }));
 }
 

@@ -6,6 +6,8 @@
 #include <random>
 #include <vector>
 
+#include "tests/unit/smartsurf/world/SupportSubstep.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -64,25 +66,17 @@ struct Batch {
 
 TEST(SupportPoints, AreTheSameInLanesAsAlone) {
   std::mt19937 random(20261127);
-  const SubstepParams params{.h_s = 1.0F / 960,
-                             .inverse_h = 960.0F,
-                             .bias_rate = 60.0F,
-                             .mass_scale = 0.8F,
-                             .impulse_scale = 0.2F,
-                             .steady_share = 0.9F,
-                             .steady_gain = 0.1F,
-                             .max_bias_velocity = 4.0F};
   int changed = 0;
   for (int draw = 0; draw < 2000; ++draw) {
     Batch together(random);
     Batch alone = together;
     const Batch before = together;
     const bool is_soft = draw % 2 == 0;
-    support_kernels().solve_points(together.lanes, together.batch_points(), params, is_soft,
+    support_kernels().solve_points(together.lanes, together.batch_points(), kSupportSubstep, is_soft,
                                    together.velocity, together.delta_pose, together.inverse_inertia);
     for (int lane = 0; lane < kLanes; ++lane)
-      solve_support_points(alone.list[lane], alone.list[lane].patches[0], alone.batch_points(), params,
-                           is_soft, alone.velocity[lane], alone.delta_pose[lane],
+      solve_support_points(alone.list[lane], alone.list[lane].patches[0], alone.batch_points(),
+                           kSupportSubstep, is_soft, alone.velocity[lane], alone.delta_pose[lane],
                            alone.inverse_inertia[lane]);
     for (int lane = 0; lane < kLanes; ++lane) {
       for (int i = 0; i < 3; ++i) {

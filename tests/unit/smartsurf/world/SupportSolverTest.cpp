@@ -6,6 +6,8 @@
 #include <random>
 #include <vector>
 
+#include "tests/unit/smartsurf/world/SupportSubstep.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -98,14 +100,6 @@ TEST(SupportSolver, FrictionIsTheSameInLanesAsAlone) {
 }
 
 TEST(SupportSolver, PointsAndFrictionAreTheSameTogetherAsOneAfterTheOther) {
-  const SubstepParams params{.h_s = 1.0F / 960,
-                             .inverse_h = 960.0F,
-                             .bias_rate = 60.0F,
-                             .mass_scale = 0.8F,
-                             .impulse_scale = 0.2F,
-                             .steady_share = 0.9F,
-                             .steady_gain = 0.1F,
-                             .max_bias_velocity = 4.0F};
   const DeltaPose at_rest[kLanes] = {};
   std::mt19937 random(20261128);
   int solved = 0, all_stick = 0;
@@ -121,11 +115,11 @@ TEST(SupportSolver, PointsAndFrictionAreTheSameTogetherAsOneAfterTheOther) {
     const Bodies before = together;
     SupportBatch one = together.batch(true), three = apart.batch(true);
     for (const bool is_soft : {true, false}) {
-      solve_points_and_friction(one, together.batch_points(), params, is_soft, together.velocity, at_rest,
-                                together.inverse_inertia);
+      solve_points_and_friction(one, together.batch_points(), kSupportSubstep, is_soft, together.velocity,
+                                at_rest, together.inverse_inertia);
       const auto solve_points = [&] {
-        support_kernels().solve_points(three.lanes, apart.batch_points(), params, is_soft, apart.velocity,
-                                       at_rest, apart.inverse_inertia);
+        support_kernels().solve_points(three.lanes, apart.batch_points(), kSupportSubstep, is_soft,
+                                       apart.velocity, at_rest, apart.inverse_inertia);
       };
       solve_points();
       solve_supports(three, kAllLanes, apart.batch_points(), is_soft, apart.velocity, apart.inverse_inertia);
