@@ -48,9 +48,10 @@ class Task:
         """The number of parameters."""
         return len(self.initial)
 
-    def evaluate(self, program, seeds, smartsurf=None):
-        """Runs the APRON program with consecutive seeds, in one process → the metrics of each run."""
-        stats = run(self.experiment, os.fspath(program), seeds[0], self.options, until=self.until, worlds=len(seeds), threads=1,
+    def evaluate(self, program, seeds, smartsurf=None, **options):
+        """Runs the APRON program with consecutive seeds, in one process → the metrics of each run. options: further ones of the
+        experiment."""
+        stats = run(self.experiment, os.fspath(program), seeds[0], {**self.options, **options}, until=self.until, worlds=len(seeds), threads=1,
                     timeout=300, smartsurf=smartsurf)
         return [world["metrics"] for world in stats["runs"]]
 

@@ -71,6 +71,13 @@ class Learn(ProgramTest):
         self.assertEqual(rows[3], ["", "PPO", ball[2].removesuffix(table.UNTESTED) + table.UNTESTED, *ball[3:]])
         self.assertEqual([row[1:] for row in rows[4:]], [row[1:] for row in list(page.values())[6:]])  # after a header of two
 
+        lines = table.block(table.PAGE.read_text(), "faulty")[1].strip().splitlines()
+        self.assertEqual(lines[0], f"| task | controller | {' | '.join(share + ' faulty' for share in table.FAULTY['faulty'])} |")
+        for row in [line.split("|")[3:-1] for line in lines[3::2] if line.startswith("|")]:
+            for cell in row:
+                median, *each = map(int, re.match(r" (\d+) of 100 \(.*\): (\d+), (\d+), (\d+) $", cell).groups())
+                self.assertEqual(median, sorted(each)[1])
+
     @unittest.skipUnless(list(GYM.glob("lib/python3*/site-packages/gymnasium")), "no Gymnasium: scripts/setup --python")
     @unittest.skipUnless(COMPILED, "the Python package is not built")
     def test_cross_entropy_search_improves_its_policy(self):
