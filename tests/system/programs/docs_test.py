@@ -92,7 +92,7 @@ class Docs(ProgramTest):
             (folder / "build").mkdir()
             (folder / "out").mkdir()
             (folder / "build/release").symlink_to(BIN.parent)
-            waiting, behind = None, []
+            waiting, behind, fresh = None, [], 0
             for program, arguments in steps(page):
                 if program == "write":
                     (folder / arguments[0]).write_text(arguments[1])
@@ -126,13 +126,13 @@ class Docs(ProgramTest):
 
                 environment = {**PYTHON_CLIENT, "SMARTSURF_PYTHON": sys.executable} if arguments[0] == "identify" else PYTHON_CLIENT
 
-                def start():
+                def start(command):
                     child = subprocess.Popen(command, cwd=folder, text=True, env=environment, stdout=subprocess.PIPE,
                                              stderr=subprocess.PIPE)
                     self.children.append(child)
                     return child
 
-                child = start()
+                child = start(command)
                 if arguments[-1] == "&":
                     behind.append(child)
                     continue
@@ -141,8 +141,14 @@ class Docs(ProgramTest):
                     continue
                 status, _, err = self.finish(child, 5 * PATIENCE)
                 for _ in range(3):
-                    if "calibrate again" in err:  # the host was busy for too long
-                        status, _, err = self.finish(start())
+                    if "calibrate again" in err:  # the host was busy for too long; the device has ended with the bridge
+                        (folder / arguments[1]).unlink()  # its table: another device has another port
+                        for i in range(fresh, len(behind)):
+                            behind[i].terminate()
+                            behind[i].communicate(timeout=PATIENCE)
+                            behind[i] = start(behind[i].args)
+                        status, _, err = self.finish(start(command), 5 * PATIENCE)
+                fresh = len(behind)
                 self.assertEqual(status, 0, f"{page}: {program} {' '.join(arguments)}\n{err}")
                 if waiting:
                     self.assertEqual(self.finish(waiting)[0], 0, page)
