@@ -276,7 +276,10 @@ class FootprintOnCells {
       const Point2 &a = f.corner[i], &b = f.corner[i + 1 < f.count ? i + 1 : 0];
       area += (a.x - f.corner[0].x) * (b.y - f.corner[0].y) - (a.y - f.corner[0].y) * (b.x - f.corner[0].x);
     }
-    if (area < 0.0F) std::reverse(f_.corner, f_.corner + f_.count);
+    if (area < 0.0F) {
+      std::reverse(f_.corner, f_.corner + f_.count);
+      f_.z = f.z_at(f_.corner[0].x, f_.corner[0].y);
+    }
     for (int i = 0; i < f.count; ++i) {
       const Point2 &a = f_.corner[i], &b = f_.corner[i + 1 < f.count ? i + 1 : 0];
       const float x = b.y - a.y, y = a.x - b.x;
@@ -320,16 +323,21 @@ class FootprintOnCells {
   alignas(16) float edge_x_[kMaxCorners], edge_y_[kMaxCorners], offset_[kMaxCorners], reach_[kMaxCorners];
 };
 
-// The contacts of a body that carry its flat underside, and which cells touch it as closely as they do.
+// Which cells under a body's flat underside bear it: those that touch it as closely as the contacts that
+// carry it.
 struct BearingContacts {
   float min_separation = std::numeric_limits<float>::max();
-  float min_top = std::numeric_limits<float>::max();
+  float min_top = std::numeric_limits<float>::max();  // of the closest contacts
   float margin = 0.0F;
+  // Of cells with force limits, those that move yield to each other until all bear that are as high as the
+  // lowest that does.
+  const surface::Field* limited_field = nullptr;
   const surface::Field* elastic_field = nullptr;  // if elastic tops bear the body; then they alone do
   bool bears(float separation, float top, std::int32_t cell) const {
     if (separation > margin) return false;
     if (elastic_field) return elastic_field->is_elastic(cell);
-    return (separation <= min_separation + kSeparationTolerance || top >= min_top - kLevelTolerance);
+    return separation <= min_separation + kSeparationTolerance ||
+           (limited_field && limited_field->speed[cell] != 0.0F && top >= min_top - kLevelTolerance);
   }
 };
 
@@ -339,6 +347,7 @@ BearingContacts bearing_contacts(const surface::Field& field, std::span<const Co
                                  float margin) {
   BearingContacts b;
   b.margin = margin;
+  b.limited_field = field.has_force_limit() ? &field : nullptr;
   for (const Contact& c : contacts)
     if (is_upright(c)) b.min_separation = std::min(b.min_separation, c.separation);
   for (const Contact& c : contacts)
@@ -422,9 +431,12 @@ void merge_cells(std::vector<Sample>& samples) {
       samples[to++] = s;
       continue;
     }
-    // The arm stands for the size of the area.
+    // The arm stands for the size of the area. Of a tilted face the parts that are lowest bear.
     Sample& sum = samples[to - 1];
-    const float a = sum.arm * sum.arm, b = s.arm * s.arm, share = b / std::max(1e-12F, a + b);
+    const float lowest = std::min(sum.separation, s.separation), a = sum.arm * sum.arm, b = s.arm * s.arm,
+                bearing_a = a * weight_of_corner(sum.separation, lowest),
+                bearing_b = b * weight_of_corner(s.separation, lowest),
+                share = bearing_b / std::max(1e-12F, bearing_a + bearing_b);
     for (float Sample::*const value :
          {&Sample::x, &Sample::y, &Sample::velocity_x, &Sample::velocity_y, &Sample::separation})
       sum.*value += share * (s.*value - sum.*value);
@@ -590,13 +602,15 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   thread_local std::vector<Sample> samples;
   samples.clear();
   int footprints = 0;
+  float plane_z = 0.0F;
   for_each_part(shape, [&](const ConvexPart& part) {
     Footprint f;
     if (!find_footprint(part, origin, axes, f)) return;
     f.is_on_elastic_tops = patch.is_elastic;
-    // All samples of a patch lie in one plane; feet at other heights keep their contact points.
-    const float middle_z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
-    if (footprints > 0 && std::abs(middle_z - patch.z) > kFaceTolerance) return;
+    // All samples of a patch lie in one plane; feet at other heights keep their contact points. Planes are
+    // compared below the centre of mass: those of tilted feet differ elsewhere.
+    const float below_centre = f.z_at(centre.x(), centre.y());
+    if (footprints > 0 && std::abs(below_centre - plane_z) > kFaceTolerance) return;
     bool touches = false;
     for (std::size_t k = 0; k < contacts.size(); ++k) {
       const Contact& c = contacts[k];
@@ -612,7 +626,10 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
         out.points.push_back(index);
     }
     if (!touches) return;
-    if (footprints++ == 0) patch.z = middle_z;
+    if (footprints++ == 0) {
+      plane_z = below_centre;
+      patch.z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
+    }
     if (free_layout)
       add_samples(field, *free_layout, f, centre, bearing, samples);
     else
