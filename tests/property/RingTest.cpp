@@ -214,7 +214,9 @@ TEST_P(RingTest, ObjectsEnterNoPin) {
     EXPECT_LE(deepest, bound.deeper > 0 ? bound.depth + kDeeper : bound.depth) << "seed " << seed;
     if (deepest > bound.depth) ++deeper;
   }
-  if (!count) EXPECT_LE(deeper, bound.deeper);
+  if (!count) {
+    EXPECT_LE(deeper, bound.deeper);
+  }
 }
 INSTANTIATE_TEST_SUITE_P(Steps, RingTest,
                          testing::Values(Bound{1.0 / 60, 4, 0.15, {}}, Bound{1.0 / 120, 4, 0.08, {}},
