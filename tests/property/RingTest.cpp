@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <ostream>
 #include <random>
 #include <vector>
 
@@ -191,6 +192,7 @@ struct Bound {
   // joined over a gap that one part of a compound fits into (122, 191).
   std::vector<int> more_seeds;
 };
+void PrintTo(const Bound& bound, std::ostream* out) { *out << bound.dt_s; }
 
 class RingTest : public testing::TestWithParam<Bound> {};
 
