@@ -124,10 +124,12 @@ endfunction()
 # scripts/test builds and runs it there alone, unless it is called without sanitizers.
 # UNSANITIZED: sanitizer builds leave it out, because its modules serve no other test and would take a tenth of the build.
 # THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
+# UNSANITIZED_SOURCES: its files that sanitizer builds leave out: they run long, or on the code that the others run, with other
+# results to compare.
 # LONG: a filter of the cases that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
 # SERIAL: a filter of the cases that run one thread and take seconds; ThreadSanitizer leaves them out.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;SERIAL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;SERIAL;TIMEOUT" "SOURCES;UNSANITIZED_SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
@@ -136,6 +138,9 @@ function(add_module_test name)
   endif()
   if(T_UNSANITIZED AND SMARTSURF_SANITIZE)
     return()
+  endif()
+  if(NOT SMARTSURF_SANITIZE)
+    list(APPEND T_SOURCES ${T_UNSANITIZED_SOURCES})
   endif()
   add_executable(${name} ${T_SOURCES})
   if(T_LABEL MATCHES "unit|property")

@@ -729,7 +729,8 @@ TEST_P(LyingLinks, SleepAndWakeTogether) {
   EXPECT_LT(fastest, 0.1F);
   EXPECT_GT(fixture.position(links.back()).z(), 0.405F);
 }
-INSTANTIATE_TEST_SUITE_P(Joints, LyingLinks, testing::Values(JointKind::kBall, JointKind::kFixed));
+INSTANTIATE_TEST_SUITE_P(Joints, LyingLinks, testing::Values(JointKind::kBall, JointKind::kFixed),
+                         [](const auto& kind) { return kind.param == JointKind::kBall ? "ball" : "fixed"; });
 
 // The pendulum at its turning point is slow, but does not rest.
 TEST(JointSleep, SlowPendulumStaysAwake) {

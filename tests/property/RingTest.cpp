@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <ostream>
 #include <random>
 #include <vector>
 
@@ -194,6 +195,7 @@ struct Bound {
   std::vector<int> more_seeds;
   int deeper = 0;  // so many scenes may go deeper, by up to kDeeper; docs/truth.md has their share
 };
+void PrintTo(const Bound& bound, std::ostream* out) { *out << bound.dt_s; }
 
 class RingTest : public testing::TestWithParam<Bound> {};
 

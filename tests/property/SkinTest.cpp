@@ -384,7 +384,7 @@ TEST(SkinState, HasTheSameBitsForAnyPitch) {
 
 // A square sheet, clamped at its edge and held by next to nothing else, falls from the level.
 TEST_P(ElasticSkin, SwingsAsDampedMembrane) {
-  constexpr int kCells = 8;
+  constexpr int kSheetSide = 8;
   for (unsigned seed = 1; seed <= (GetParam() < 2e-3 ? 2U : 5U); ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
@@ -392,24 +392,24 @@ TEST_P(ElasticSkin, SwingsAsDampedMembrane) {
       return std::uniform_real_distribution<double>(low, high)(random);
     };
     const double density = uniform(0.05, 2), frequency = uniform(3, 12), decay = uniform(0.001, 0.3);
-    const double tension = density * frequency * frequency * kCells * kCells / (2 * M_PI * M_PI);
+    const double tension = density * frequency * frequency * kSheetSide * kSheetSide / (2 * M_PI * M_PI);
     fixture = PhysicsFixture();
     fixture.scene.world.dt_s = GetParam();
-    SkinCase sheet{kCells, kCells, 0.1, 0.1, level, elastic(tension, density), 4};
+    SkinCase sheet{kSheetSide, kSheetSide, 0.1, 0.1, level, elastic(tension, density), 4};
     sheet.skin.edge = scene::SkinSpec::Edge::kClamped;
     sheet.skin.damping = 2 * decay / (frequency * frequency) * tension;
     sheet.skin.attached = true;
     sheet.has_cell = [](int row, int column) {
-      return is_in_first_or_last(row, kCells) && is_in_first_or_last(column, kCells);
+      return is_in_first_or_last(row, kSheetSide) && is_in_first_or_last(column, kSheetSide);
     };
     set_skin(fixture, sheet);
     Swing swing(GetParam());
     // The other modes vanish in the sum.
     fixture.run(20 * M_PI / frequency, [&] {
       double sum = 0.0;
-      for (int r = 0; r < kCells; ++r)
-        for (int c = 0; c < kCells; ++c)
-          sum += std::sin(M_PI * (r + 0.5) / kCells) * std::sin(M_PI * (c + 0.5) / kCells) *
+      for (int r = 0; r < kSheetSide; ++r)
+        for (int c = 0; c < kSheetSide; ++c)
+          sum += std::sin(M_PI * (r + 0.5) / kSheetSide) * std::sin(M_PI * (c + 0.5) / kSheetSide) *
                  static_cast<double>(height_at(fixture, c, r));
       swing.add(sum);
     });

@@ -306,7 +306,7 @@ class RandomFunctions {
   int functions_ = 0;
 };
 
-constexpr unsigned kFunctionPrograms = cases(150U, 10U);
+constexpr unsigned kFunctionPrograms = cases(150U, 6U);
 
 compiler::CompileResult compile_text(const std::string& text, bool with_bodies) {
   syntax::MemoryReader reader;

@@ -86,7 +86,7 @@ class ChildrenTest(ProgramTest):
     def left(self):
         return sorted(path.name for path in (self.folder / "work").iterdir())
 
-    def wave(self, until="0.5"):
+    def wave(self, until="0.25"):
         recording = self.folder / "wave.h5"
         if not recording.exists():
             status, _, err = self.run_program(SMARTSURF, "run", WAVE, "--no-controller", "--record", recording, "--until", until)
@@ -172,7 +172,7 @@ class Encoders(ChildrenTest):
         started = []
         for number, (body, reason) in enumerate(misbehaviours):
             self.ffmpeg(body, f"bin{number}")
-            for command in ((SMARTSURF, "replay", self.wave()), (SMARTSURF, "run", WAVE, "--no-controller", "--until", "0.5")):
+            for command in ((SMARTSURF, "replay", self.wave()), (SMARTSURF, "run", WAVE, "--no-controller", "--until", "0.25")):
                 name = f"{command[1]}{number}.mp4"
                 started.append((body, command[1], f"{name}: {reason}", self.start_video(name, *command)))
         for body, command, reason, child in started:
@@ -182,7 +182,7 @@ class Encoders(ChildrenTest):
 
     @needs_view
     def test_slow_encoders_are_waited_for(self):
-        self.ffmpeg('cat > "$last"; for i in 1 2 3 4 5 6 7 8 9 10 11 12 13; do timeout 0.3 sh -c "while :; do :; done"; sleep 0.7; done')
+        self.ffmpeg('cat > "$last"; for i in 1 2 3 4 5 6 7 8 9 10 11 12 13; do timeout 0.1 sh -c "while :; do :; done"; sleep 0.9; done')
         status, _, err = self.run_program(SMARTSURF, "replay", self.wave(), "--video", "v.mp4", *SMALL_PICTURE)
         self.assertEqual((status, err, self.left()), (0, "", ["v.mp4"]))
 

@@ -62,9 +62,9 @@ TEST(BodyCheck, FollowsParametersOncePerMacro) {
   std::string text = kHead, next = "last";
   text += macro("last($x)", "");
   for (const char* name : {"h", "g", "f", "e", "d", "c", "b", "a"}) {
-    std::string body;
+    std::string body = "!if(0)\n";  // or a call would expand 40^8 lines, up to the limit
     for (int i = 0; i < 40; ++i) body += next + "($x)\n";
-    text += macro(std::string(name) + "($x)", body);
+    text += macro(std::string(name) + "($x)", body + "!endif");
     next = name;
   }
   checked(text);

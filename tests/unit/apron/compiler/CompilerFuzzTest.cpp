@@ -301,7 +301,7 @@ TEST(Fuzz, DeepAndLongInputsTerminate) {
       "x = 1" + repeated(" + 1", 100000),
       "x = " + repeated("abs(", 50000) + "1",
       "x = " + repeated("not ", 50000) + "1",
-      repeated("if(1)\n", 50000),
+      repeated("if(1)\n", 20000),
       repeated("where(1)\n", 500),
       repeated("!if(1)\n", 50000),
       "!if(" + repeated("(", 50000),

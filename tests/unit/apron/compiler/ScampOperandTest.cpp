@@ -130,39 +130,56 @@ CompileResult compile_kernel(const std::string& text) {
   return compile_text("!include('scamp5.aps')\n!register(Own)\n" + text, library);
 }
 
+// Calls that are refused, compiled as many together as errors are reported.
+class WrongCalls {
+ public:
+  void add(const std::string& line, std::string message) {
+    lines_ += line;
+    messages_.push_back(std::move(message));
+    if (messages_.size() == syntax::kMaxErrors) check();
+  }
+  void check() {
+    const CompileResult wrong = compile_kernel(lines_);
+    ASSERT_EQ(wrong.diagnostics.size(), messages_.size()) << lines_ << errors(wrong);
+    for (std::size_t i = 0; i < messages_.size(); ++i) {
+      EXPECT_TRUE(wrong.diagnostics[i].message.starts_with(messages_[i])) << wrong.diagnostics[i].message;
+      EXPECT_EQ(wrong.diagnostics[i].location.line, 3 + i);
+    }
+    lines_.clear();
+    messages_.clear();
+  }
+
+ private:
+  std::string lines_;
+  std::vector<std::string> messages_;
+};
+
 TEST(ScampOperands, EveryKindButTheRightOneIsRefused) {
   std::string every_right_call;
+  WrongCalls wrong;
   for (const Instruction& instruction : kInstructions) {
     const std::string name = instruction.mnemonic;
     const std::string bare = name.substr(name.rfind(' ') + 1);
     for (const std::string& kinds : instruction.operands) {
       every_right_call += call(name, examples(kinds));
-      std::string program;
-      std::vector<std::string> expected;
       for (std::size_t i = 0; i < kinds.size(); ++i) {
         for (const auto& [kind, example] : kExample) {
           if (kFits.at(kinds[i]).find(kind) != std::string::npos) continue;
           std::vector<std::string> operands = examples(kinds);
           operands[i] = example;
-          program += call(name, operands);
-          expected.push_back("operand " + std::to_string(i + 1) + " of '" + bare + "' must be " +
-                             kDescription.at(kinds[i]) + ", not '" + (example == "S1" ? "R6" : example) +
-                             "'");
+          wrong.add(call(name, operands), "operand " + std::to_string(i + 1) + " of '" + bare + "' must be " +
+                                              kDescription.at(kinds[i]) + ", not '" +
+                                              (example == "S1" ? "R6" : example) + "'");
+          if (HasFatalFailure()) return;
         }
-      }
-      const CompileResult wrong = compile_kernel(program);
-      ASSERT_EQ(wrong.diagnostics.size(), expected.size()) << program << errors(wrong);
-      for (std::size_t i = 0; i < expected.size(); ++i) {
-        EXPECT_TRUE(wrong.diagnostics[i].message.starts_with(expected[i])) << wrong.diagnostics[i].message;
-        EXPECT_EQ(wrong.diagnostics[i].location.line, 3 + i);
       }
     }
     std::vector<std::string> too_many = examples(instruction.operands.back());
     too_many.resize(too_many.size() + 3, "B");
-    const CompileResult wrong = compile_kernel(call(name, too_many));
-    ASSERT_EQ(wrong.diagnostics.size(), 1) << name << errors(wrong);
-    EXPECT_TRUE(wrong.diagnostics[0].message.starts_with("no macro '" + bare + "' takes ")) << errors(wrong);
+    wrong.add(call(name, too_many), "no macro '" + bare + "' takes ");
+    if (HasFatalFailure()) return;
   }
+  wrong.check();
   const CompileResult right = compile_kernel(every_right_call);
   EXPECT_TRUE(right.program) << errors(right);
 }

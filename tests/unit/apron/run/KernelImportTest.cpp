@@ -68,7 +68,7 @@ TEST(KernelImport, DeepTextIsLeftOut) {
     return all;
   };
   for (const char* statement : {"{", "if(1)", "while(1)", "if(1);else ", "for(;;){", "do{"})
-    EXPECT_NO_THROW(import_text("int main(){" + repeated(statement, 5000) + "mov(A,B);")) << statement;
+    EXPECT_NO_THROW(import_text("int main(){" + repeated(statement, 2000) + "mov(A,B);")) << statement;
   for (const char* expression : {"(", "1?", "1?2:", "!", "f(", "1+(2*"})
     for (const char* before : {"int main(){ scamp5_in(A,", "const int x = ", "\n#if "})
       EXPECT_NO_THROW(import_text(before + repeated(expression, 5000) + "1);}\n")) << before << expression;

@@ -13,6 +13,7 @@
 #include <string>
 
 #include "smartsurf/mesh/SolidBuilder.h"
+#include "tests/unit/common/SanitizedCases.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
 namespace smartsurf::mesh {
@@ -70,7 +71,8 @@ class DecompositionCacheTest : public testing::Test {
 };
 
 TEST_F(DecompositionCacheTest, GivesTheSamePartsWithAndWithoutItsFile) {
-  for (unsigned seed = 1; seed <= 3; ++seed) {
+  constexpr unsigned kSeeds = cases(3U, 1U);
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
     const TriangleMesh mesh = drawn_mesh(seed);
     const Parts computed = decompose_convex(mesh, kLimits);
     EXPECT_EQ(DecompositionCache(folder).decompose(mesh, kLimits), computed);
@@ -78,7 +80,7 @@ TEST_F(DecompositionCacheTest, GivesTheSamePartsWithAndWithoutItsFile) {
     EXPECT_EQ(DecompositionCache("").decompose(mesh, kLimits), computed);
     EXPECT_NE(DecompositionCache(folder).decompose(mesh, {.max_parts = 2}), computed);
   }
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder), {}), 6);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder), {}), std::ptrdiff_t{2 * kSeeds});
 }
 
 TEST_F(DecompositionCacheTest, ReadsItsFile) {
@@ -98,7 +100,7 @@ TEST_F(DecompositionCacheTest, ComputesAnewWhatIsDamaged) {
   const fs::path file = only_file();
   const std::string whole = content_of(file);
   std::mt19937 random(7);
-  for (int round = 0; round < 12; ++round) {
+  for (int round = 0; round < cases(12, 3); ++round) {
     std::string bytes = whole;
     const std::size_t at = random() % bytes.size();
     if (round % 3 == 0)

@@ -221,7 +221,7 @@ class Threads : public testing::TestWithParam<World> {};
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr int kThreads[] = {2, 4};
 #else
-constexpr int kThreads[] = {2, 3, 4, 8};
+constexpr int kThreads[] = {2, 3, 8};
 #endif
 
 }  // namespace
