@@ -12,6 +12,7 @@ namespace {
 constexpr OpcodeInfo kOpcodeTable[] = {
 #define APRON_OP(name, mnemonic, signature, locality, text) {mnemonic, signature, Locality::locality, text},
 #include "apron/program/opcodes.def"
+#include "common/text/Words.h"
 };
 
 }  // namespace
@@ -87,8 +88,7 @@ std::string unknown_register(const Program& program, const std::string& name) {
 std::string parameter_problem(const Program& program, const std::string& name, float value) {
   const auto found = std::ranges::find(program.parameters, name, &Parameter::name);
   if (found == program.parameters.end()) {
-    std::string known;
-    for (const Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
+    const std::string known = common::join(program.parameters, &Parameter::name);
     return fmt::format("the program has no slider or switch '{}'; it has {}", name,
                        known.empty() ? "none" : known);
   }

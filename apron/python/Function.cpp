@@ -10,6 +10,7 @@
 #include "apron/program/Reachability.h"
 #include "apron/vm/NumberFormat.h"
 #include "common/error/UserError.h"
+#include "common/text/Words.h"
 
 namespace apron::python {
 namespace {
@@ -67,9 +68,7 @@ PyObject* interned(const std::string& name) {
 std::string quoted(py::handle key) { return "'" + py::cast<std::string>(py::str(key)) + "'"; }
 
 std::string list_of(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text.empty() ? "none" : text;
+  return names.empty() ? "none" : common::join(names);
 }
 
 // Turns the exception that is being handled into Python's, as pybind11 does for the functions that it calls.

@@ -11,6 +11,7 @@
 
 #include "common/text/Number.h"
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/FaultMap.h"
 
@@ -24,17 +25,11 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 [[noreturn]] void refuse(const std::string& message) { throw scene::InputError(message); }
 
-std::string name_list(const std::vector<std::string>& names) {
-  std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
-  return all;
-}
-
 [[noreturn]] void refuse_unknown(std::string_view name, const std::string& part,
                                  const std::vector<std::string>& known) {
   const std::string meant = common::nearest_name(part, known);
   refuse("parameter '" + std::string(name) + "': no '" + part + "'" +
-         (meant.empty() ? "; known: " + name_list(known) : " (did you mean '" + meant + "'?)"));
+         (meant.empty() ? "; known: " + common::join(known) : " (did you mean '" + meant + "'?)"));
 }
 
 // Splits at the first dot; the second part is empty without one.
