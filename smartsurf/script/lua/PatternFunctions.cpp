@@ -237,14 +237,12 @@ int gsub(Sandbox& sandbox, lua_State* L) {
 
 void bind_pattern_functions(lua_State* L) {
   lua_getglobal(L, LUA_STRLIBNAME);
-  lua_pushcfunction(L, guarded<find>);
-  lua_setfield(L, -2, "find");
-  lua_pushcfunction(L, guarded<match>);
-  lua_setfield(L, -2, "match");
-  lua_pushcfunction(L, guarded<gmatch>);
-  lua_setfield(L, -2, "gmatch");
-  lua_pushcfunction(L, guarded<gsub>);
-  lua_setfield(L, -2, "gsub");
+  static constexpr luaL_Reg kFunctions[] = {{"find", guarded<find>},
+                                            {"match", guarded<match>},
+                                            {"gmatch", guarded<gmatch>},
+                                            {"gsub", guarded<gsub>},
+                                            {nullptr, nullptr}};
+  luaL_setfuncs(L, kFunctions, 0);
   lua_pop(L, 1);
 }
 
