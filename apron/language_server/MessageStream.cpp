@@ -52,7 +52,7 @@ std::optional<std::string> MessageStream::read() {
   }
   std::string text(*length, '\0');
   in_.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (static_cast<std::size_t>(in_.gcount()) != text.size()) return std::nullopt;
+  if (in_.gcount() != std::ssize(text)) return std::nullopt;
   return text;
 }
 

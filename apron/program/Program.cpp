@@ -17,7 +17,7 @@ constexpr OpcodeInfo kOpcodeTable[] = {
 
 }  // namespace
 
-const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[static_cast<std::size_t>(op)]; }
+const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[index_of(op)]; }
 
 bool requires_out_of_place(Opcode op) noexcept {
   return op == Opcode::kShift || op == Opcode::kRotate ||
@@ -68,7 +68,7 @@ const SourceLocation* find_location(const Program& program, std::size_t instruct
 std::optional<std::size_t> find_register(const Program& program, std::string_view name) noexcept {
   const auto found = std::ranges::find(program.registers, name, &Register::name);
   if (found == program.registers.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - program.registers.begin());
+  return found - program.registers.begin();
 }
 
 const LocalName* find_local(const Program& program, std::string_view name, std::size_t instruction) noexcept {

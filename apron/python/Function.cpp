@@ -302,7 +302,7 @@ Function::Arguments Function::take_arguments(const Variant& variant, py::handle 
   const Py_ssize_t count = positional ? PyTuple_GET_SIZE(positional.ptr()) : 0;
   const std::size_t input_count = variant.signature.inputs.size();
   arguments.inputs.reserve(input_count + variant.signature.outputs.size());
-  if (static_cast<std::size_t>(count) > input_count)
+  if (count > std::ssize(variant.signature.inputs))
     throw py::type_error(configuration_.source.file + ": " + std::to_string(count) +
                          " arguments without a name: the program's inputs are " + list_of(inputs()));
   for (Py_ssize_t i = 0; i < count; ++i)
@@ -451,7 +451,7 @@ py::object Function::run_once(const std::shared_ptr<Variant>& shared, Arguments&
 py::object Function::run_batch(const std::shared_ptr<Variant>& shared, Arguments& arguments,
                                std::vector<py::object>& arrays, std::vector<ArrayView>& views) {
   const Variant& variant = *shared;
-  const auto count = static_cast<std::size_t>(arguments.count);
+  const std::size_t count = arguments.count;
   const unsigned threads = count > 1 ? configuration_.threads : 1;
   // A result must not overwrite the input of another run.
   for (Argument& input : arguments.inputs)

@@ -43,7 +43,7 @@ std::pair<std::string, std::string> split(std::string_view text) {
 
 // A copy of a material that belongs to one object, or to the surface, has no name.
 std::size_t users_of(const SceneSpec& s, int material) {
-  return static_cast<std::size_t>(std::ranges::count(s.objects, material, &ObjectSpec::material)) +
+  return std::ranges::count(s.objects, material, &ObjectSpec::material) +
          (s.surface.material == material ? 1 : 0);
 }
 
@@ -371,7 +371,7 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
         known.push_back(other);
       refuse_unknown(name, field, known);
     }
-    const auto index = static_cast<std::size_t>(it - s.surface.sensors.begin());
+    const std::size_t index = it - s.surface.sensors.begin();
     out.components_ = numbers_of(*parameter);
     if (out.components_ > 1) out.shape_ = {out.components_};
     out.get_ = [index, parameter](const SceneSpec& from, std::span<double> to) {
@@ -447,7 +447,7 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
         refuse_unknown(name, channel, channels);
       }
       if (std::ranges::find(known, of) == known.end()) refuse_unknown(name, of, known);
-      const auto cells = static_cast<std::size_t>(s.surface.cell_count());
+      const std::size_t cells = s.surface.cell_count();
       out.shape_ = {static_cast<std::size_t>(s.surface.rows), static_cast<std::size_t>(s.surface.columns)};
       out.get_ = [channel, of, cells](const SceneSpec& from, std::span<double> to) {
         std::ranges::fill(to.first(cells), takes_value(of) ? kNan : 0.0);

@@ -124,7 +124,7 @@ class StagePartitioner {
     std::size_t max_live = 0;
     for (const std::uint32_t node : group) {
       const auto alive = [&](const auto& use) { return use.first <= node && use.second > node; };
-      max_live = std::max(max_live, static_cast<std::size_t>(std::ranges::count_if(last_use, alive)));
+      max_live = std::max<std::size_t>(max_live, std::ranges::count_if(last_use, alive));
     }
     return reads.size() + written <= kMaxStreams && written <= kMaxResults && max_live <= kMaxLiveValues;
   }

@@ -76,7 +76,7 @@ TimeSeries height_series(const Recording& recording, const std::string& kind, co
   std::vector<std::size_t> cell_indices;
   for (const std::string& text : cells) {
     const Cell cell = parse_cell(recording, kind, text);
-    cell_indices.push_back(static_cast<std::size_t>(recording.spec().surface.index(cell.row, cell.column)));
+    cell_indices.push_back(recording.spec().surface.index(cell.row, cell.column));
     result.curves.push_back({curve_name(cell), {}});
   }
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
