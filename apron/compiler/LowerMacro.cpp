@@ -16,7 +16,7 @@ std::span<const Lowering::Statement> Lowering::body_of(std::uint32_t expansion) 
   const auto end = std::ranges::find_if(following_, [&](const Statement& statement) {
     return statement.kind == syntax::StatementKind::kMacroEnd && statement.expansion_id == expansion;
   });
-  return following_.first(static_cast<std::size_t>(end - following_.begin()));
+  return following_.first(end - following_.begin());
 }
 
 // The arguments of a function whose parameters state their types.
@@ -177,7 +177,7 @@ std::optional<std::size_t> Lowering::mask_base(const Expression& target) const {
 }
 
 std::size_t Lowering::open_wheres() const {
-  return static_cast<std::size_t>(std::ranges::count(blocks_, BlockKind::kWhere, &Block::kind));
+  return std::ranges::count(blocks_, BlockKind::kWhere, &Block::kind);
 }
 
 // The conditions that restrict a write to a register with that mask base.

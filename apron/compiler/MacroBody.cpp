@@ -127,7 +127,7 @@ const Expression* written_target(const Statement& statement) {
   const Builtin* builtin = find_builtin(call.text);
   const int written = builtin == nullptr ? -1 : builtin->written_argument(call.children.size());
   if (written < 0) return nullptr;
-  auto place = static_cast<std::size_t>(written);
+  std::size_t place = written;
   // surface.sense('name', D) is surface.sense(D, 'name').
   if (builtin->op == program::Opcode::kSurfaceSense && call.children.size() > 1 &&
       call.children[0].kind == ExpressionKind::kString)

@@ -148,7 +148,7 @@ std::optional<std::size_t> SymbolTable::element_number(const std::string& class_
   const std::vector<std::string>& order = classes_.at(class_name).order;
   const auto found = std::ranges::find(order, element);
   if (found == order.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - order.begin());
+  return found - order.begin();
 }
 
 std::optional<std::size_t> SymbolTable::register_number(std::uint32_t index) const {

@@ -92,7 +92,7 @@ std::optional<std::size_t> Breakpoints::hit_by_instruction(const vm::Vm& vm, std
   const bool same_line =
       here.file == before.file && here.line == before.line && here.expansion == before.expansion;
   if (same_line && next > last) return std::nullopt;
-  return static_cast<std::size_t>(line_breakpoints_[next]);
+  return line_breakpoints_[next];
 }
 
 std::optional<std::size_t> Breakpoints::hit_by_tick(std::uint64_t ticks) const noexcept {

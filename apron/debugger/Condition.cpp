@@ -53,7 +53,7 @@ Condition::Condition(program::Program condition, const program::Program& debugge
   const auto result = std::ranges::find_if(
       condition.variables, [](const program::Variable& v) { return v.name == kResultVariable; });
   assert(result != condition.variables.end());
-  result_ = static_cast<std::size_t>(result - condition.variables.begin());
+  result_ = result - condition.variables.begin();
   vm_ = std::make_unique<vm::Vm>(std::move(condition), condition_vm_options(), *host_);
 }
 

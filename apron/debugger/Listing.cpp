@@ -24,7 +24,7 @@ Listing::Listing(const program::Program& program, const std::vector<SourceText>&
   add_files(texts);
   for (const std::string& file : program.files) {
     const auto found = std::ranges::find(names_, file);
-    text_of_file_.push_back(found == names_.end() ? 0 : static_cast<std::size_t>(found - names_.begin()));
+    text_of_file_.push_back(found == names_.end() ? 0 : found - names_.begin());
   }
   if (nodes_.empty()) return;
   add_expansions(program);

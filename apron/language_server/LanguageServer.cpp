@@ -148,64 +148,22 @@ struct Document {
   SourceIndex index;
 };
 
-const char* kind_word(Symbol::Kind kind) {
-  switch (kind) {
-    case Symbol::Kind::kRegister:
-      return "register";
-    case Symbol::Kind::kScalar:
-      return "scalar";
-    case Symbol::Kind::kMacro:
-      return "macro";
-    case Symbol::Kind::kFunction:
-      return "function";
-    case Symbol::Kind::kLabel:
-      return "label";
-    case Symbol::Kind::kDefine:
-      return "constant";
-    case Symbol::Kind::kParameter:
-      return "parameter";
-    case Symbol::Kind::kFilter:
-      return "filter";
-    case Symbol::Kind::kClass:
-      return "class";
-  }
-  return "name";
-}
-
-int completion_kind(Symbol::Kind kind) {
-  constexpr int kFunction = 3, kVariable = 6, kConstant = 21, kClass = 7, kReference = 18;
-  switch (kind) {
-    case Symbol::Kind::kMacro:
-    case Symbol::Kind::kFunction:
-      return kFunction;
-    case Symbol::Kind::kLabel:
-      return kReference;
-    case Symbol::Kind::kDefine:
-      return kConstant;
-    case Symbol::Kind::kClass:
-      return kClass;
-    default:
-      return kVariable;
-  }
-}
-
-int symbol_kind(Symbol::Kind kind) {
-  constexpr int kFunction = 12, kVariable = 13, kConstant = 14, kArray = 18, kKey = 20, kClass = 5;
-  switch (kind) {
-    case Symbol::Kind::kMacro:
-    case Symbol::Kind::kFunction:
-      return kFunction;
-    case Symbol::Kind::kRegister:
-      return kArray;
-    case Symbol::Kind::kLabel:
-      return kKey;
-    case Symbol::Kind::kDefine:
-      return kConstant;
-    case Symbol::Kind::kClass:
-      return kClass;
-    default:
-      return kVariable;
-  }
+// How a kind of symbol is called, and its numbers in the protocol.
+struct SymbolKind {
+  const char* word;
+  int completion, symbol;
+};
+const SymbolKind& kind_of(const Symbol& symbol) {
+  static constexpr SymbolKind kKinds[] = {{"register", 6, 18},   // variable, array
+                                          {"scalar", 6, 13},     // variable
+                                          {"macro", 3, 12},      // function
+                                          {"function", 3, 12},   // function
+                                          {"label", 18, 20},     // reference, key
+                                          {"constant", 21, 14},  // constant
+                                          {"parameter", 6, 13},  // variable
+                                          {"filter", 6, 13},     // variable
+                                          {"class", 7, 5}};      // class
+  return kKinds[static_cast<std::size_t>(symbol.kind)];          // in the order of Symbol::Kind
 }
 
 // ---- the server
@@ -446,7 +404,7 @@ class LanguageServer {
     std::uint32_t length = 0;
     if (occurrence != nullptr) {
       const Symbol& symbol = index.symbols()[occurrence->symbol];
-      text = "```apron\n" + symbol.text + "\n```\n" + kind_word(symbol.kind) + " `" + symbol.name + "`";
+      text = "```apron\n" + symbol.text + "\n```\n" + kind_of(symbol).word + " `" + symbol.name + "`";
       if (symbol.location.file != 0) text += " of " + place.document.sources.file(symbol.location.file).name;
       if (!symbol.comment.empty()) text += "\n\n" + symbol.comment;
       at = occurrence->location;
@@ -472,7 +430,7 @@ class LanguageServer {
       const std::string sigil = symbol.kind == Symbol::Kind::kLabel ? "#" : "";
       if (!seen.insert(sigil + symbol.name).second) continue;
       json item = {
-          {"label", sigil + symbol.name}, {"kind", completion_kind(symbol.kind)}, {"detail", symbol.text}};
+          {"label", sigil + symbol.name}, {"kind", kind_of(symbol).completion}, {"detail", symbol.text}};
       if (!symbol.comment.empty()) item["documentation"] = symbol.comment;
       items.push_back(std::move(item));
     }
@@ -574,7 +532,7 @@ class LanguageServer {
           (other.kind == Symbol::Kind::kLabel) == (symbol.kind == Symbol::Kind::kLabel) &&
           (other.scope == symbol.scope || other.scope == 0 || symbol.scope == 0))
         refuse(ErrorCode::kRequestFailed,
-               "there is a " + std::string(kind_word(other.kind)) + " '" + name + "' already");
+               "there is a " + std::string(kind_of(other).word) + " '" + name + "' already");
     std::map<std::string, json> changes;
     for (const Occurrence& other : index.occurrences()) {
       if (other.symbol != occurrence.symbol || is_of_library(place.document, other.location.file)) continue;
@@ -605,7 +563,7 @@ class LanguageServer {
       if (symbol.location.file != 0 || symbol.scope != 0) continue;
       const json range = range_of(document.sources, symbol.location, character_count(symbol.name));
       all.push_back({{"name", symbol.name},
-                     {"kind", symbol_kind(symbol.kind)},
+                     {"kind", kind_of(symbol).symbol},
                      {"detail", symbol.text},
                      {"range", range},
                      {"selectionRange", range}});

@@ -1,12 +1,12 @@
 #include "apron/language_server/MessageStream.h"
 
 #include <algorithm>
-#include <cctype>
 #include <istream>
 #include <ostream>
 
 #include "common/error/UserError.h"
 #include "common/text/Number.h"
+#include "common/text/Words.h"
 
 namespace apron::language_server {
 namespace {
@@ -41,9 +41,7 @@ std::optional<std::string> MessageStream::read() {
       if (length) break;
       continue;  // an empty line between messages
     }
-    std::string name = line.substr(0, kLength.size());
-    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
-    if (name != kLength) continue;
+    if (common::lower_case(line.substr(0, kLength.size())) != kLength) continue;
     std::string_view digits = std::string_view(line).substr(kLength.size());
     digits.remove_prefix(std::min(digits.find_first_not_of(' '), digits.size()));
     std::size_t value = 0;
@@ -54,7 +52,7 @@ std::optional<std::string> MessageStream::read() {
   }
   std::string text(*length, '\0');
   in_.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (static_cast<std::size_t>(in_.gcount()) != text.size()) return std::nullopt;
+  if (in_.gcount() != std::ssize(text)) return std::nullopt;
   return text;
 }
 

@@ -56,8 +56,8 @@ void PlaneBlock::clear_padding() noexcept {
   for (std::uint32_t y = 0; y < plane_.height; ++y) {
     std::byte* row = plane_.row_bytes(y);
     if (y == 0) std::fill(row - vm::kVectorBytes, row, std::byte{0});
-    std::fill(row + plane_.width * plane_.cell_bytes(),
-              row + static_cast<std::size_t>(plane_.pitch) * plane_.cell_bytes(), std::byte{0});
+    std::fill(row + plane_.width * plane_.cell_bytes(), row + plane_.pitch * plane_.cell_bytes(),
+              std::byte{0});
   }
   has_zero_padding_ = true;
 }

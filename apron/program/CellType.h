@@ -12,6 +12,7 @@ namespace apron::program {
 
 enum class CellType : std::uint8_t { kFloat32, kInt32, kUint16, kUint8 };
 inline constexpr std::size_t kCellTypeCount = 4;
+constexpr std::size_t index_of(CellType type) noexcept { return static_cast<std::size_t>(type); }
 
 constexpr bool is_integer(CellType type) noexcept { return type != CellType::kFloat32; }
 constexpr std::size_t cell_bytes(CellType type) noexcept {
@@ -20,7 +21,7 @@ constexpr std::size_t cell_bytes(CellType type) noexcept {
 // The type's name in the language.
 constexpr std::string_view cell_type_name(CellType type) noexcept {
   constexpr std::array<std::string_view, kCellTypeCount> kNames{"float", "int32", "uint16", "uint8"};
-  return kNames[static_cast<std::size_t>(type)];
+  return kNames[index_of(type)];
 }
 constexpr std::optional<CellType> find_cell_type(std::string_view name) noexcept {
   for (std::size_t i = 0; i < kCellTypeCount; ++i)

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 
 namespace apron::program {
 namespace {
@@ -25,14 +26,10 @@ std::optional<int> key_code(std::string_view name) {
 
 std::string unknown_key_message(std::string_view name) {
   std::vector<std::string> known;
-  std::string list;
-  for (const auto& [key, code] : kNamedKeys) {
-    known.emplace_back(key);
-    list += (list.empty() ? "" : ", ") + known.back();
-  }
+  for (const auto& [key, code] : kNamedKeys) known.emplace_back(key);
   const std::string hint = common::did_you_mean(name, known);
   return "there is no key '" + std::string(name) + "'" +
-         (hint.empty() ? "; the keys are the visible characters and " + list : hint);
+         (hint.empty() ? "; the keys are the visible characters and " + common::join(known) : hint);
 }
 
 }  // namespace apron::program

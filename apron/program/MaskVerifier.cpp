@@ -141,9 +141,9 @@ class MaskVerifier {
     const std::int64_t label = label_target(in);
     if (in.op == Opcode::kCall) {
       has_masked_calls_ = has_masked_calls_ || mask_state != 0;
-      merge_state(static_cast<std::size_t>(label), 0);
+      merge_state(label, 0);
     } else if (label >= 0) {
-      merge_state(static_cast<std::size_t>(label), mask_state);
+      merge_state(label, mask_state);
     }
     if (!never_falls_through(in.op)) merge_state(at + 1, mask_state);
   }
@@ -169,9 +169,9 @@ class MaskVerifier {
       }
       const std::int64_t label = label_target(in);
       if (in.op == Opcode::kCall) {
-        routine.calls.emplace_back(entry_state_[at], static_cast<std::size_t>(label));
+        routine.calls.emplace_back(entry_state_[at], label);
       } else if (label >= 0) {
-        enqueue(static_cast<std::size_t>(label));
+        enqueue(label);
       }
       if (!never_falls_through(in.op)) enqueue(at + 1);
     }

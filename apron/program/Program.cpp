@@ -12,11 +12,12 @@ namespace {
 constexpr OpcodeInfo kOpcodeTable[] = {
 #define APRON_OP(name, mnemonic, signature, locality, text) {mnemonic, signature, Locality::locality, text},
 #include "apron/program/opcodes.def"
+#include "common/text/Words.h"
 };
 
 }  // namespace
 
-const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[static_cast<std::size_t>(op)]; }
+const OpcodeInfo& opcode_info(Opcode op) noexcept { return kOpcodeTable[index_of(op)]; }
 
 bool requires_out_of_place(Opcode op) noexcept {
   return op == Opcode::kShift || op == Opcode::kRotate ||
@@ -67,7 +68,7 @@ const SourceLocation* find_location(const Program& program, std::size_t instruct
 std::optional<std::size_t> find_register(const Program& program, std::string_view name) noexcept {
   const auto found = std::ranges::find(program.registers, name, &Register::name);
   if (found == program.registers.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - program.registers.begin());
+  return found - program.registers.begin();
 }
 
 const LocalName* find_local(const Program& program, std::string_view name, std::size_t instruction) noexcept {
@@ -87,8 +88,7 @@ std::string unknown_register(const Program& program, const std::string& name) {
 std::string parameter_problem(const Program& program, const std::string& name, float value) {
   const auto found = std::ranges::find(program.parameters, name, &Parameter::name);
   if (found == program.parameters.end()) {
-    std::string known;
-    for (const Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
+    const std::string known = common::join(program.parameters, &Parameter::name);
     return fmt::format("the program has no slider or switch '{}'; it has {}", name,
                        known.empty() ? "none" : known);
   }

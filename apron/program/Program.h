@@ -19,6 +19,7 @@ enum class Opcode : std::uint8_t {
 #define APRON_OP(name, mnemonic, signature, locality, text) k##name,
 #include "apron/program/opcodes.def"
 };
+constexpr std::size_t index_of(Opcode op) noexcept { return static_cast<std::size_t>(op); }
 
 enum class Locality : std::uint8_t { Cell, News, Far, Global, Control, Host };
 

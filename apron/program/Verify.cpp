@@ -252,7 +252,7 @@ std::string verify_registers(const Program& program) {
     const std::uint64_t cells = std::uint64_t{reg.width} * reg.height;
     if (cells == 0) return fmt::format("register '{}' has no cells", reg.name);
     if (cells > kMaxCells) return fmt::format("register '{}' has more than {} cells", reg.name, kMaxCells);
-    if (static_cast<std::size_t>(reg.type) >= kCellTypeCount)
+    if (index_of(reg.type) >= kCellTypeCount)
       return fmt::format("register '{}' has cells of an unknown type", reg.name);
     memory += cells * cell_bytes(reg.type);
   }
@@ -304,7 +304,7 @@ std::string verify(const Program& program) {
   if (auto error = verify_sources(program); !error.empty()) return error;
   for (std::size_t i = 0; i < program.code.size(); ++i) {
     const Instruction& instruction = program.code[i];
-    if (static_cast<std::size_t>(instruction.op) >= opcode_count()) {
+    if (index_of(instruction.op) >= opcode_count()) {
       return fmt::format("instruction {}: unknown opcode", i);
     }
     if (auto error = InstructionVerifier(program, instruction).verify(); !error.empty()) {

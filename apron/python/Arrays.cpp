@@ -24,7 +24,7 @@ const py::dtype& dtype_of(vm::CellType type) {
   static const auto* const types = new std::array<py::dtype, program::kCellTypeCount>{
       py::dtype::of<float>(), py::dtype::of<std::int32_t>(), py::dtype::of<std::uint16_t>(),
       py::dtype::of<std::uint8_t>()};  // never destroyed: Python ends first
-  return (*types)[static_cast<std::size_t>(type)];
+  return (*types)[index_of(type)];
 }
 
 bool has_type(py::handle array, vm::CellType wanted) {

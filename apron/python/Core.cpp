@@ -10,6 +10,7 @@
 #include "apron/python/Function.h"
 #include "common/error/UserError.h"
 #include "common/text/Printable.h"
+#include "common/text/Words.h"
 
 namespace apron::python {
 
@@ -102,13 +103,8 @@ PYBIND11_MODULE(_core, m) {
            })
       .def("__repr__",
            [](const Function& f) {
-             const auto names = [](const std::vector<std::string>& list) {
-               std::string text;
-               for (const std::string& name : list) text += (text.empty() ? "" : ", ") + name;
-               return text;
-             };
-             return "<apron.Function " + f.configuration().source.file + "(" + names(f.inputs()) + ") -> " +
-                    names(f.results()) + ">";
+             return "<apron.Function " + f.configuration().source.file + "(" + common::join(f.inputs()) +
+                    ") -> " + common::join(f.results()) + ">";
            })
       .def_property_readonly("file", [](const Function& f) { return f.configuration().source.file; })
       .def_property_readonly("inputs", [](const Function& f) { return py::tuple(py::cast(f.inputs())); })

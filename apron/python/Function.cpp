@@ -10,6 +10,7 @@
 #include "apron/program/Reachability.h"
 #include "apron/vm/NumberFormat.h"
 #include "common/error/UserError.h"
+#include "common/text/Words.h"
 
 namespace apron::python {
 namespace {
@@ -67,9 +68,7 @@ PyObject* interned(const std::string& name) {
 std::string quoted(py::handle key) { return "'" + py::cast<std::string>(py::str(key)) + "'"; }
 
 std::string list_of(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text.empty() ? "none" : text;
+  return names.empty() ? "none" : common::join(names);
 }
 
 // Turns the exception that is being handled into Python's, as pybind11 does for the functions that it calls.
@@ -303,7 +302,7 @@ Function::Arguments Function::take_arguments(const Variant& variant, py::handle 
   const Py_ssize_t count = positional ? PyTuple_GET_SIZE(positional.ptr()) : 0;
   const std::size_t input_count = variant.signature.inputs.size();
   arguments.inputs.reserve(input_count + variant.signature.outputs.size());
-  if (static_cast<std::size_t>(count) > input_count)
+  if (count > std::ssize(variant.signature.inputs))
     throw py::type_error(configuration_.source.file + ": " + std::to_string(count) +
                          " arguments without a name: the program's inputs are " + list_of(inputs()));
   for (Py_ssize_t i = 0; i < count; ++i)
@@ -452,7 +451,7 @@ py::object Function::run_once(const std::shared_ptr<Variant>& shared, Arguments&
 py::object Function::run_batch(const std::shared_ptr<Variant>& shared, Arguments& arguments,
                                std::vector<py::object>& arrays, std::vector<ArrayView>& views) {
   const Variant& variant = *shared;
-  const auto count = static_cast<std::size_t>(arguments.count);
+  const std::size_t count = arguments.count;
   const unsigned threads = count > 1 ? configuration_.threads : 1;
   // A result must not overwrite the input of another run.
   for (Argument& input : arguments.inputs)

@@ -13,6 +13,7 @@
 #include "apron/syntax/Lexer.h"
 #include "apron/syntax/Preprocessor.h"
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 
 namespace apron::syntax {
 namespace {
@@ -230,9 +231,7 @@ void Preprocessor::include_file(const std::string& name, Location location, Loca
     if (std::optional<std::string> text = reader_.read(path))
       return push_file(path, std::move(*text), location);
   }
-  std::string searched;
-  for (const std::string& path : candidates) searched += (searched.empty() ? "" : ", ") + path;
-  report(argument, "there is no file '{}' (looked for {})", name, searched);
+  report(argument, "there is no file '{}' (looked for {})", name, common::join(candidates));
 }
 
 void Preprocessor::push_file(const std::string& path, std::string text, Location from) {

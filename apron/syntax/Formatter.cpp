@@ -198,8 +198,7 @@ struct FormattedLine {
 
 // Characters, not bytes.
 std::size_t display_width(std::string_view text) {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
+  return std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; });
 }
 
 bool has_code(const std::string& code) { return code.find_first_not_of(' ') != std::string::npos; }

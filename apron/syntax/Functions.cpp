@@ -58,8 +58,7 @@ class Writes {
     } else if (first.kind == TokenKind::kName && has_list && written_argument) {
       const std::vector<Tokens> arguments = split_arguments(tokens.begin() + 2, tokens.end() - 1);
       const int index = written_argument(first.text, arguments.size());
-      if (index >= 0 && static_cast<std::size_t>(index) < arguments.size())
-        add(arguments[static_cast<std::size_t>(index)]);
+      if (index >= 0 && index < std::ssize(arguments)) add(arguments[index]);
     } else if (first.kind == TokenKind::kDirective && has_list &&
                (first.text == "register" || first.text == "scalar")) {
       for (const Tokens& name : split_arguments(tokens.begin() + 2, tokens.end() - 1))

@@ -180,8 +180,7 @@ std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor e
   const bool is_list = (has_targets || last - equals != 2) && are_names(equals + 1, last);
   if (equals + 1 == last && macros.find(target, 1, false) == nullptr) return std::nullopt;
   if (has_targets) target += std::to_string(equals - first);
-  const std::size_t count =
-      is_list ? static_cast<std::size_t>(last - equals - 1 + (has_targets ? equals - first : 1)) : 2;
+  const std::size_t count = is_list ? last - equals - 1 + (has_targets ? equals - first : 1) : 2;
   MacroTable::Handle macro = macros.find(target, count, false);
   const bool has_result = macro == nullptr && !is_list && macros.find(target, 1, true) != nullptr;
   if (has_result) macro = macros.find(target, 1, true);

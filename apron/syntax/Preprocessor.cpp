@@ -153,9 +153,10 @@ MacroTable::Handle Preprocessor::find_macro(const std::string& name, std::size_t
 bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t expansion,
                                std::vector<Tokens> results, std::vector<Tokens> arguments) {
   const Location call = sources_.expansion(expansion).call;
-  const auto depth = std::ranges::count_if(frames_, [](const InputFrame& f) { return f.macro != nullptr; });
+  const std::size_t depth =
+      std::ranges::count_if(frames_, [](const InputFrame& f) { return f.macro != nullptr; });
   std::string limit_error;
-  if (static_cast<std::size_t>(depth) >= kMaxMacroDepth) {
+  if (depth >= kMaxMacroDepth) {
     limit_error = fmt::format("macros are expanded more than {} deep here: does '{}' call itself?",
                               kMaxMacroDepth, macro->name);
   } else if (sources_.expansion_count() > kMaxExpansions) {

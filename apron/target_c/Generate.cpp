@@ -144,8 +144,8 @@ class Generator {
       first_position_.push_back(position);
       position += 1;
       if (!is_whole_)
-        position += static_cast<std::size_t>(std::ranges::count_if(
-            region.steps, [](const Step& step) { return step.kind == Step::Kind::kExchange; }));
+        position += std::ranges::count_if(
+            region.steps, [](const Step& step) { return step.kind == Step::Kind::kExchange; });
     }
     if (position > kMaxPositions)
       throw common::UserError(

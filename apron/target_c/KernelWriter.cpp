@@ -18,14 +18,12 @@ namespace {
 
 std::array<OperationText, 256> make_operation_texts() {
   std::array<OperationText, 256> texts;
-#define APRON_ELEMENTWISE(name, arity, value) \
-  texts[static_cast<std::size_t>(Opcode::k##name)] = {#value, false};
-#define APRON_MATHEMATICS(name, arity, value) \
-  texts[static_cast<std::size_t>(Opcode::k##name)] = {#value, true};
+#define APRON_ELEMENTWISE(name, arity, value) texts[index_of(Opcode::k##name)] = {#value, false};
+#define APRON_MATHEMATICS(name, arity, value) texts[index_of(Opcode::k##name)] = {#value, true};
 #define APRON_INTEGER APRON_ELEMENTWISE
 #include "apron/program/elementwise.def"
-  texts[static_cast<std::size_t>(Opcode::kAddSaturated)] = {"add_saturated(a, b)", false};
-  texts[static_cast<std::size_t>(Opcode::kSubSaturated)] = {"subtract_saturated(a, b)", false};
+  texts[index_of(Opcode::kAddSaturated)] = {"add_saturated(a, b)", false};
+  texts[index_of(Opcode::kSubSaturated)] = {"subtract_saturated(a, b)", false};
   return texts;
 }
 
@@ -46,7 +44,7 @@ void replace_all(std::string& text, const std::string& from, const std::string& 
 
 const OperationText& operation_text(Opcode op) {
   static const std::array<OperationText, 256> kTexts = make_operation_texts();
-  return kTexts[static_cast<std::size_t>(op)];
+  return kTexts[index_of(op)];
 }
 
 std::string expand(const std::string& text, const std::string& prefix,
@@ -62,8 +60,8 @@ std::string expand(const std::string& text, const std::string& prefix,
     const std::string word = text.substr(i, end - i);
     if (end < text.size() && text[end] == '(')
       result += prefix + word;
-    else if (word.size() == 1 && word[0] >= 'a' && static_cast<std::size_t>(word[0] - 'a') < operands.size())
-      result += operands[static_cast<std::size_t>(word[0] - 'a')];
+    else if (word.size() == 1 && word[0] >= 'a' && word[0] - 'a' < std::ssize(operands))
+      result += operands[word[0] - 'a'];
     else
       result += word;
     i = end;

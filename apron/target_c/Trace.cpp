@@ -229,7 +229,7 @@ class Tracer {
   // In the order of opcodes.def.
   NodeId neighbours(Opcode near, NodeId a, bool eight) {
     static constexpr Opcode kOps[] = {Opcode::kAdd, Opcode::kMin, Opcode::kMax, Opcode::kOr, Opcode::kAnd};
-    const Opcode op = kOps[static_cast<std::size_t>(near) - static_cast<std::size_t>(Opcode::kNearSum)];
+    const Opcode op = kOps[index_of(near) - index_of(Opcode::kNearSum)];
     const auto join = [&](NodeId x, NodeId y) { return graph_->apply(op, x, y); };
     const NodeId sides = join(read(a, -1, 0), read(a, 1, 0));
     if (!eight) return join(sides, join(read(a, 0, -1), read(a, 0, 1)));

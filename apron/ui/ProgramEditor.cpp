@@ -23,7 +23,7 @@ void ProgramEditor::set_sources(const std::vector<debugger::SourceText>& sources
   }
   files_ = std::move(files);
   const File* kept = find(shown_name);
-  current_ = kept != nullptr ? static_cast<std::size_t>(kept - files_.data()) : 0;
+  current_ = kept != nullptr ? kept - files_.data() : 0;
 }
 
 void ProgramEditor::set_text_on_disk(const std::string& name, const std::string& text) {
@@ -48,7 +48,7 @@ void ProgramEditor::open(const std::string& file, std::uint32_t line, std::uint3
   shown = true;
   const File* wanted = find(file);
   if (wanted == nullptr) return;
-  current_ = static_cast<std::size_t>(wanted - files_.data());
+  current_ = wanted - files_.data();
   if (line > 0) position_ = Position{line, std::max(column, 1U)};
 }
 

@@ -43,7 +43,7 @@ void MaskStack::combine(Opcode op, Plane y, ConstPlane a, ConstPlane b) {
 
 ConstPlane MaskStack::mask_as(CellType type) {
   if (mask_.type == type) return mask_;
-  Plane& converted = converted_[static_cast<std::size_t>(type)];
+  Plane& converted = converted_[index_of(type)];
   if (converted.data == nullptr) {
     converted = acquire_plane(mask_.width, mask_.height, type);
     convert_plane(executor_, converted, mask_);

@@ -13,7 +13,7 @@ std::string_view format_number(float value, NumberBuffer& buffer) noexcept {
   const bool plain = size == 0.0F || (size >= 1e-4F && size < 1e9F);
   const auto format = plain ? std::chars_format::fixed : std::chars_format::general;
   const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, format).ptr;
-  return {buffer.data(), static_cast<std::size_t>(end - buffer.data())};
+  return std::string_view(buffer.data(), end - buffer.data());
 }
 
 std::string_view format_number(double value, NumberBuffer& buffer) noexcept {
@@ -22,7 +22,7 @@ std::string_view format_number(double value, NumberBuffer& buffer) noexcept {
     return format_number(static_cast<float>(value), buffer);
   const auto end =
       std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, std::chars_format::fixed).ptr;
-  return {buffer.data(), static_cast<std::size_t>(end - buffer.data())};
+  return std::string_view(buffer.data(), end - buffer.data());
 }
 
 std::string format_number(double value) {

@@ -379,9 +379,8 @@ Status Vm::execute_reduction(const DecodedInstruction& decoded) {
 // Exact up to 2^53, and the nearest number beyond.
 Status Vm::execute_integer_reduction(const DecodedInstruction& decoded, Reduction kind) {
   const ConstPlane a = *decoded.planes[0];
-  const IntegerRowReduction reduction = executor_.kernels()
-                                            .integers[static_cast<std::size_t>(a.type)]
-                                            .reductions[static_cast<std::size_t>(kind)];
+  const IntegerRowReduction reduction =
+      executor_.kernels().integers[index_of(a.type)].reductions[static_cast<std::size_t>(kind)];
   executor_.parallel_for_rows(a.height, a.width, [&](std::uint32_t first, std::uint32_t last) {
     reduction(reinterpret_cast<const float*>(a.row_bytes(first)), a.pitch, last - first, a.width,
               &integer_row_results_[first]);

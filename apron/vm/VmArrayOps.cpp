@@ -227,8 +227,7 @@ Status Vm::reduce_integer_neighbours(const DecodedInstruction& decoded, const fl
       {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}}};
   static constexpr std::array<Opcode, 5> kCombine{Opcode::kAdd, Opcode::kMin, Opcode::kMax, Opcode::kOr,
                                                   Opcode::kAnd};
-  const Opcode combine =
-      kCombine[static_cast<std::size_t>(decoded.op) - static_cast<std::size_t>(Opcode::kNearSum)];
+  const Opcode combine = kCombine[index_of(decoded.op) - index_of(Opcode::kNearSum)];
   const Plane sum = decoded.scratch, neighbour = decoded.second_scratch;
   const std::size_t count = *decoded.scalars[1] == 8.0 ? 8 : 4;
   for (std::size_t i = 0; i < count; ++i) {

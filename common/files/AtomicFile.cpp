@@ -26,7 +26,7 @@ std::error_code write_all(const fs::path& path, std::string_view bytes, int crea
   while (!bytes.empty() && !error) {
     const ssize_t n = ::write(file, bytes.data(), bytes.size());
     if (n > 0)
-      bytes.remove_prefix(static_cast<std::size_t>(n));
+      bytes.remove_prefix(n);
     else if (n < 0 && errno != EINTR)
       error = last_error();
   }

@@ -32,7 +32,7 @@ FileKind file_kind(const std::filesystem::path& path) {
   std::string start(64, '\0');
   std::ifstream file(path, std::ios::binary);
   file.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(file.gcount()));
+  start.resize(file.gcount());
   return file_kind(path, start);
 }
 

@@ -23,7 +23,7 @@ std::vector<PreparedOutput> outputs;
 PreparedOutputKeeper keeper;
 
 std::size_t find(const fs::path& part) noexcept {
-  return static_cast<std::size_t>(std::ranges::find(outputs, part, &PreparedOutput::part) - outputs.begin());
+  return std::ranges::find(outputs, part, &PreparedOutput::part) - outputs.begin();
 }
 
 // A file that this user's process has left, and not a link that leads elsewhere.

@@ -48,7 +48,7 @@ std::error_code read_file(const std::filesystem::path& path, std::size_t max_byt
     else if (static_cast<std::size_t>(n) > max_bytes - bytes.size())
       error = std::make_error_code(std::errc::file_too_large);
     else
-      bytes.append(block, static_cast<std::size_t>(n));
+      bytes.append(block, n);
   }
   ::close(file);
   return error;

@@ -31,7 +31,7 @@ bool write_all(int fd, const std::string& bytes) {
   for (std::size_t done = 0; done < bytes.size();) {
     const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno != EINTR) return false;
-    if (n > 0) done += static_cast<std::size_t>(n);
+    if (n > 0) done += n;
   }
   return true;
 }
@@ -92,7 +92,7 @@ bool read_until_stop(int fd, std::string& bytes) {
     if (::poll(&readable, 1, kStopInterval_ms) <= 0) continue;
     const ssize_t n = ::read(fd, block, sizeof block);
     if (n > 0)
-      bytes.append(block, static_cast<std::size_t>(n));
+      bytes.append(block, n);
     else if (n == 0 || errno != EINTR)
       return true;
   }

@@ -123,7 +123,7 @@ class StateArchive {
     if (saves()) return;
     // Every element takes at least one byte.
     if (size > in_.size()) throw UserError("the saved state ends early");
-    list.resize(static_cast<std::size_t>(size));
+    list.resize(size);
   }
 
   std::string* out_ = nullptr;

@@ -32,7 +32,7 @@ void write_to_standard_error(const char* text, std::size_t bytes) noexcept {
     const ssize_t written = ::write(STDERR_FILENO, text, bytes);
     if (written <= 0) return;
     text += written;
-    bytes -= static_cast<std::size_t>(written);
+    bytes -= written;
   }
 }
 

@@ -1,19 +1,14 @@
 #include "common/text/Suggestion.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstddef>
+
+#include "common/text/Words.h"
 
 namespace common {
 namespace {
 
 constexpr std::size_t kMaxNameLength = 64;  // the edit distance takes quadratic time
-
-std::string to_lower(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return result;
-}
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
@@ -41,7 +36,7 @@ bool same_unqualified_name(std::string_view name, std::string_view candidate) {
 
 std::size_t score(std::string_view name, std::string_view candidate) {
   if (candidate == name) return SIZE_MAX;
-  if (to_lower(candidate) == to_lower(name)) return 0;
+  if (lower_case(std::string(candidate)) == lower_case(std::string(name))) return 0;
   const std::size_t allowed = name.size() <= 1 ? 0 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
   const bool too_different =
       candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed;

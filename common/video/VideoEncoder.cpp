@@ -134,7 +134,7 @@ void VideoEncoder::add(const Image& image) {
       throw UserError(file_.string() + ": " + failure(abandon(), "ffmpeg stopped taking pictures"));
     }
     bytes += n;
-    left -= static_cast<std::size_t>(n);
+    left -= n;
   }
 }
 

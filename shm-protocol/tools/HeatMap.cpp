@@ -49,8 +49,7 @@ std::vector<double> downsample(const Plane& plane, std::size_t block, std::size_
 
 char glyph_of(double fraction) {
   if (std::isnan(fraction)) return '?';
-  return kRamp[std::min<std::size_t>(sizeof kRamp - 2,
-                                     static_cast<std::size_t>(fraction * (sizeof kRamp - 1)))];
+  return kRamp[std::min<std::size_t>(sizeof kRamp - 2, fraction * (sizeof kRamp - 1))];
 }
 
 }  // namespace

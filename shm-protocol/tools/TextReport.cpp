@@ -37,8 +37,7 @@ std::string range_text(const ChannelSpec& c) { return line("%.4g … %.4g", c.mi
 
 // Pads to `width` characters; printf counts bytes, and "…" has three.
 std::string padded(std::string text, std::size_t width) {
-  const auto characters =
-      static_cast<std::size_t>(std::ranges::count_if(text, [](char c) { return (c & 0xC0) != 0x80; }));
+  const std::size_t characters = std::ranges::count_if(text, [](char c) { return (c & 0xC0) != 0x80; });
   if (characters < width) text.append(width - characters, ' ');
   return text;
 }

@@ -1,5 +1,4 @@
 // shm_dump: shows the data in a surface's shared memory, lists surfaces, removes segments of dead ones.
-#include <getopt.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -15,11 +14,13 @@
 #include <thread>
 
 #include "Report.h"
+#include "common/cli/Flags.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StandardStreams.h"
 #include "common/process/Termination.h"
 #include "common/text/Number.h"
 #include "common/text/Printable.h"
+#include "common/text/Words.h"
 
 namespace {
 
@@ -79,64 +80,40 @@ double parse_number(const char* option, const char* text, double minimum) {
 
 // Returns nothing if --help or --version was requested and printed.
 std::optional<Options> parse(int argc, char** argv) {
-  enum { kList = 1000, kClean, kColour };
-  static const option kLong[] = {
-      {"list", no_argument, nullptr, kList},        {"clean", optional_argument, nullptr, kClean},
-      {"numbers", no_argument, nullptr, 'n'},       {"map", no_argument, nullptr, 'm'},
-      {"channel", required_argument, nullptr, 'c'}, {"all", no_argument, nullptr, 'a'},
-      {"follow", optional_argument, nullptr, 'f'},  {"count", required_argument, nullptr, 'k'},
-      {"wait", required_argument, nullptr, 'w'},    {"colour", required_argument, nullptr, kColour},
-      {"json", no_argument, nullptr, 'j'},          {"help", no_argument, nullptr, 'h'},
-      {"version", no_argument, nullptr, 'V'},       {nullptr, 0, nullptr, 0}};
   Options o;
   ::opterr = 0;
-  for (int c; (c = ::getopt_long(argc, argv, "nmc:af::k:w:jhV", kLong, nullptr)) != -1;) {
-    switch (c) {
-      case kList:
-        o.list = true;
-        break;
-      case kClean:
-        o.clean = true;
-        if (optarg) o.clean_prefix = optarg;
-        break;
-      case 'n':
-        o.format.arrays = dump::ArrayDisplay::kNumbers;
-        break;
-      case 'm':
-        o.format.arrays = dump::ArrayDisplay::kMap;
-        break;
-      case 'c':
-        o.format.channels.emplace_back(optarg);
-        break;
-      case 'a':
-        o.format.all_numbers = true;
-        break;
-      case 'f':
-        o.follow = true;
-        if (optarg) o.interval_s = parse_number("--follow", optarg, 0.001);
-        break;
-      case 'k':
-        o.count = static_cast<long>(parse_number("--count", optarg, 1));
-        break;
-      case 'w':
-        o.wait_s = parse_number("--wait", optarg, 0);
-        break;
-      case kColour:
-        o.colour = optarg;
-        break;
-      case 'j':
-        o.json = true;
-        break;
-      case 'h':
-        std::fputs(kHelp, stdout);
-        return std::nullopt;
-      case 'V':
-        std::puts("shm_dump " SMARTSURF_VERSION);
-        return std::nullopt;
-      default:
-        throw UserError(std::string(argv[optind - 1]) +
-                        ": not an option, or it lacks its value; see shm_dump --help");
-    }
+  const auto show = [&](dump::ArrayDisplay arrays) {
+    return [&o, arrays](const char*) { o.format.arrays = arrays; };
+  };
+  const std::string_view stopped_at = common::read_flags(
+      argc, argv,
+      {{"list", no_argument, [&](const char*) { o.list = true; }},
+       {"clean", optional_argument,
+        [&](const char* prefix) { o.clean = true, o.clean_prefix = prefix ? prefix : ""; }},
+       {"numbers", no_argument, show(dump::ArrayDisplay::kNumbers), 'n'},
+       {"map", no_argument, show(dump::ArrayDisplay::kMap), 'm'},
+       {"channel", required_argument, [&](const char* name) { o.format.channels.emplace_back(name); }, 'c'},
+       {"all", no_argument, [&](const char*) { o.format.all_numbers = true; }, 'a'},
+       {"follow", optional_argument,
+        [&](const char* interval) {
+          o.follow = true;
+          if (interval) o.interval_s = parse_number("--follow", interval, 0.001);
+        },
+        'f'},
+       {"count", required_argument,
+        [&](const char* text) { o.count = static_cast<long>(parse_number("--count", text, 1)); }, 'k'},
+       {"wait", required_argument, [&](const char* text) { o.wait_s = parse_number("--wait", text, 0); },
+        'w'},
+       {"colour", required_argument, [&](const char* when) { o.colour = when; }},
+       {"json", no_argument, [&](const char*) { o.json = true; }, 'j'},
+       {"help", no_argument, nullptr, 'h'},
+       {"version", no_argument, nullptr, 'V'}});
+  if (stopped_at == "?")
+    throw UserError(std::string(argv[optind - 1]) +
+                    ": not an option, or it lacks its value; see shm_dump --help");
+  if (!stopped_at.empty()) {
+    std::fputs(stopped_at == "help" ? kHelp : "shm_dump " SMARTSURF_VERSION "\n", stdout);
+    return std::nullopt;
   }
   if (optind < argc) o.name = argv[optind++];
   if (optind < argc) throw UserError(std::string(argv[optind]) + ": one surface at a time");
@@ -161,11 +138,10 @@ void fit_to_terminal(Options& o) {
 
 void check_channels(const Options& o, const Description& d) {
   for (const std::string& wanted : o.format.channels)
-    if (d.channel(Direction::kSensor, wanted) < 0 && d.channel(Direction::kActuator, wanted) < 0) {
-      std::string have;
-      for (const ChannelSpec& c : d.channels) have += (have.empty() ? "" : ", ") + common::printable(c.name);
-      throw UserError("--channel " + wanted + ": surface " + common::printable(d.name) + " has " + have);
-    }
+    if (d.channel(Direction::kSensor, wanted) < 0 && d.channel(Direction::kActuator, wanted) < 0)
+      throw UserError(
+          "--channel " + wanted + ": surface " + common::printable(d.name) + " has " +
+          common::join(d.channels, [](const ChannelSpec& c) { return common::printable(c.name); }));
 }
 
 // Reads the newest frames; returns whether the surface has ended.

@@ -168,7 +168,7 @@ smartsurf_status smartsurf_set_targets(smartsurf_environment* e, size_t index, c
     if (index >= e->actuators.size())
       refuse("index = " + std::to_string(index) + ": there are " + std::to_string(e->actuators.size()) +
              " channels");
-    const auto cells = static_cast<std::size_t>(e->environment.scene().surface.cell_count());
+    const std::size_t cells = e->environment.scene().surface.cell_count();
     if (count != cells)
       refuse("count = " + std::to_string(count) + ": must be rows × columns = " + std::to_string(cells));
     e->environment.set_targets(static_cast<int>(index), {targets, count});

@@ -6,7 +6,6 @@
 #include <assimp/DefaultIOSystem.h>
 #include <algorithm>
 #include <assimp/Importer.hpp>
-#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -14,6 +13,7 @@
 
 #include "common/files/Inputs.h"
 #include "common/process/ChildWork.h"
+#include "common/text/Words.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::mesh {
@@ -49,9 +49,7 @@ class FolderIoSystem final : public Assimp::DefaultIOSystem {
 };
 
 void check_extension(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string extension = common::lower_case(file.extension().string());
   for (const char* known : {".stl", ".obj", ".ply", ".gltf", ".glb", ".3mf"})
     if (extension == known) return;
   refuse("is not a mesh file: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");

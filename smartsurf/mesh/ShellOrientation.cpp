@@ -43,7 +43,7 @@ void for_each_edge(const HalfEdges& half_edges, Visit visit) {
   for (auto first = half_edges.begin(); first != half_edges.end();) {
     auto end = first;
     while (end != half_edges.end() && end->low == first->low && end->high == first->high) ++end;
-    visit(std::span<const HalfEdge>(&*first, static_cast<std::size_t>(end - first)));
+    visit(std::span<const HalfEdge>(&*first, end - first));
     first = end;
   }
 }

@@ -40,8 +40,7 @@ std::size_t line_of_many_attributes(std::string_view text) {
     } else {
       for (std::size_t count = 0; (at = text.find_first_of("\"'>", at)) < text.size() && text[at] != '>';
            ++count) {
-        if (count == kMaxAttributes)
-          return 1 + static_cast<std::size_t>(std::ranges::count(text.substr(0, begin), '\n'));
+        if (count == kMaxAttributes) return 1 + std::ranges::count(text.substr(0, begin), '\n');
         at = after(at + 1, text.substr(at, 1));
       }
     }

@@ -41,11 +41,11 @@ using Metrics = std::vector<std::pair<std::string, double>>;
 
 template <class T>
 std::span<T> writable(Array<T>& array) {
-  return {array.mutable_data(), static_cast<std::size_t>(array.size())};
+  return std::span<T>(array.mutable_data(), array.size());
 }
 template <class T>
 std::span<const T> readable(const Array<T>& array) {
-  return {array.data(), static_cast<std::size_t>(array.size())};
+  return std::span<const T>(array.data(), array.size());
 }
 
 py::dict to_dict(const Metrics& metrics) {
@@ -213,7 +213,7 @@ class ObjectArrays {
  public:
   void update(const scene::Snapshot& snapshot) {
     if (!requested_) return;
-    if (static_cast<std::size_t>(id_.size()) != snapshot.object_count()) allocate(snapshot.object_count());
+    if (id_.size() != std::ssize(snapshot.id)) allocate(snapshot.object_count());
     std::ranges::copy(snapshot.id, id_.mutable_data());
     copy(snapshot.position, position_);
     copy(snapshot.orientation, orientation_);

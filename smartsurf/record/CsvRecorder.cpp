@@ -101,7 +101,7 @@ void CsvRecorder::flush_lines() {
       ::close(std::exchange(fd_, -1));
       throw std::runtime_error(name_ + ": cannot be written: " + reason);
     }
-    written += static_cast<std::size_t>(n);
+    written += n;
   }
   lines_.clear();
   pending_->note_length();

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "common/text/Words.h"
 #include "smartsurf/record/CsvRecorder.h"
 #include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/hdf5/Hdf5Recorder.h"
@@ -19,13 +20,6 @@ namespace smartsurf::record {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string lowercase_extension(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
 
 // True if another process is writing the file. A file system without locks fails with another error than
 // EWOULDBLOCK.
@@ -57,7 +51,7 @@ void require_writable(const fs::path& path, const fs::path& pending) {
 }
 
 bool is_hdf5(const fs::path& path) {
-  const std::string extension = lowercase_extension(path);
+  const std::string extension = common::lower_case(path.extension().string());
   const bool hdf5 = extension == ".h5" || extension == ".hdf5";
   if (!hdf5 && extension != ".csv")
     throw scene::InputError(path.string() + ": unknown kind of recording '" + extension +

@@ -115,7 +115,7 @@ void Recording::Contents::read_frames() {
 }
 
 void Recording::Contents::open_delta_readers() {
-  const std::size_t cells = static_cast<std::size_t>(spec.surface.cell_count());
+  const std::size_t cells = spec.surface.cell_count();
   if (has_link(file, paths::kInputs)) {
     std::uint64_t values = 0;
     AttributeReader(open_group(file, paths::kInputs))(paths::kInputValues, values);
@@ -256,8 +256,7 @@ scene::Snapshot Recording::read_snapshot(std::size_t frame) const {
       const std::span<const float> heights = contents_->heights->read_row(frame);
       shot.height.assign(heights.begin(), heights.end());
     } else {
-      shot.height.assign(static_cast<std::size_t>(spec().surface.cell_count()),
-                         static_cast<float>(spec().surface.pin.min_height));
+      shot.height.assign(spec().surface.cell_count(), static_cast<float>(spec().surface.pin.min_height));
     }
     if (contents_->motion) shot.actuator_state = unflatten_actuator_state(contents_->motion->read_row(frame));
     if (contents_->skin) {

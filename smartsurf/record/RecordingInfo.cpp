@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "common/text/Printable.h"
+#include "common/text/Words.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/SizeClasses.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
@@ -37,9 +38,7 @@ std::string hash_text(std::uint64_t hash) {
 }
 
 std::string join_texts(const std::vector<NamedText>& texts, const char* separator) {
-  std::string all;
-  for (const NamedText& text : texts) all += (all.empty() ? "" : ", ") + text.name + separator + text.value;
-  return all;
+  return common::join(texts, [&](const NamedText& text) { return text.name + separator + text.value; });
 }
 
 std::string options_text(const Recording& recording) {
@@ -134,9 +133,7 @@ std::string frames_text(const Recording& recording) {
 }
 
 std::string sensors_text(const Recording& recording) {
-  std::string names;
-  for (const std::string& name : recording.channel_names("sensors"))
-    names += (names.empty() ? "" : ", ") + name;
+  const std::string names = common::join(recording.channel_names("sensors"));
   return names.empty() ? "none recorded" : names;
 }
 

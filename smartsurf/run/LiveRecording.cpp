@@ -169,7 +169,7 @@ class LiveRecording {
         actuators_(observer_.description(), Direction::kActuator),
         boards_(options.surface),
         recorder_(record::open_recorder(options.file, metadata_of(observer_.description(), options), spec_)) {
-    snapshot_.height.assign(static_cast<std::size_t>(spec_.surface.cell_count()), 0.0F);
+    snapshot_.height.assign(spec_.surface.cell_count(), 0.0F);
     const auto period = std::chrono::nanoseconds(observer_.description().period_ns);
     poll_ = std::clamp<std::chrono::nanoseconds>(period / 20, std::chrono::microseconds(100),
                                                  std::chrono::milliseconds(1));

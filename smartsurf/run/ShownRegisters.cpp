@@ -29,7 +29,7 @@ void ShownRegisters::restart() {
 }
 
 void ShownRegisters::read(const scene::SurfaceSpec& surface) {
-  const auto cells = static_cast<std::size_t>(surface.cell_count());
+  const std::size_t cells = surface.cell_count();
   if (channels_.empty()) {
     const auto planes =
         planes_.names(static_cast<std::uint32_t>(surface.rows), static_cast<std::uint32_t>(surface.columns));

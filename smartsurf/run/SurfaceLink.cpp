@@ -90,8 +90,7 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
       first_actuator_channel_(static_cast<int>(scene.surface.sensor_channels().size()) +
                               (occupancy_.empty() ? 0 : 1)),
       received_(scene.surface.actuator_channels().size(), 0),
-      streams_(received_.size() * static_cast<std::size_t>(scene.surface.cell_count()) * sizeof(float) >=
-               kMinStreamedBytes) {}
+      streams_(received_.size() * scene.surface.cell_count() * sizeof(float) >= kMinStreamedBytes) {}
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
                                           std::span<const scene::ChannelData> sensors) noexcept {
@@ -137,7 +136,7 @@ shm_protocol::Status SurfaceLink::receive(std::uint64_t tick, std::chrono::nanos
     for (std::size_t i = 0; i < received_.size(); ++i) {
       const int channel = static_cast<int>(i);
       const auto cells = endpoint_.actuator<float>(first_actuator_channel_ + channel);
-      const auto done = static_cast<std::size_t>(received_[i]);
+      const std::size_t done = received_[i];
       if (done < cells.size())
         endpoint_.count_clamped(actuators.set_targets(channel, cells.subspan(done), received_[i]));
     }

@@ -38,7 +38,7 @@ double median_cell_spacing(std::vector<CellPose> poses) {
       nearest[i] = std::min(nearest[i], distance);
       nearest[j] = std::min(nearest[j], distance);
     }
-  const auto median = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
+  const auto median = nearest.begin() + nearest.size() / 2;
   std::ranges::nth_element(nearest, median);
   return *median;
 }

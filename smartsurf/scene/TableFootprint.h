@@ -27,9 +27,7 @@ class TableFootprint {
   // Sets every tile to `label` that has a tile with that label within kClosingRadius, in one direction.
   void dilate(std::uint8_t label, bool along_rows);
   void fill_holes();
-  std::size_t tile_index(int row, int column) const {
-    return static_cast<std::size_t>(row * columns_ + column);
-  }
+  std::size_t tile_index(int row, int column) const { return row * columns_ + column; }
 
   double min_x_, min_y_, max_x_, max_y_;  // bounding box of the table, u
   double tile_size_ = 0.0;                // edge of a raster tile, u

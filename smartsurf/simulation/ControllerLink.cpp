@@ -10,7 +10,7 @@ namespace smartsurf::simulation {
 
 void ControllerLink::start_episode(const scene::SceneSpec& scene) {
   const scene::SurfaceSpec& spec = scene.surface;
-  const auto cells = static_cast<std::size_t>(spec.cell_count());
+  const std::size_t cells = spec.cell_count();
   common::ControlledSurface surface{spec.rows, spec.columns, scene.world.control_period_s, {}, {}};
   is_whole_.clear();
   whole_readings_.clear();

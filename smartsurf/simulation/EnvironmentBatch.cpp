@@ -41,7 +41,7 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
       threads_(std::min(threads, std::max(1, static_cast<int>(seeds.size())))),
       pool_(std::make_unique<common::ThreadPool>(threads_)),
       process_(getpid()),
-      bands_(std::make_unique<Band[]>(static_cast<std::size_t>(threads_))),
+      bands_(std::make_unique<Band[]>(threads_)),
       worlds_(seeds.size()) {
   options_.threads = 1;
   options_.fixed_channels = true;
@@ -109,9 +109,9 @@ std::size_t EnvironmentBatch::prefetched_bytes() const {
   for (std::size_t i = 1; i < worlds_.size(); ++i)
     distances.push_back(reinterpret_cast<std::intptr_t>(worlds_[i].simulation.load()) -
                         reinterpret_cast<std::intptr_t>(worlds_[i - 1].simulation.load()));
-  const auto median = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  const auto median = distances.begin() + distances.size() / 2;
   std::ranges::nth_element(distances, median);
-  return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(*median, 0, kMaxBytes));
+  return std::clamp<std::ptrdiff_t>(*median, 0, kMaxBytes);
 }
 
 EnvironmentBatch::~EnvironmentBatch() {
@@ -137,7 +137,7 @@ void EnvironmentBatch::run_worlds(const Work& work) {
     }
   };
   if (threads_ == 1) return run_range(0, count);
-  const auto threads = static_cast<std::size_t>(threads_);
+  const std::size_t threads = threads_;
   const std::size_t chunks = std::min(count, threads * kChunksPerThread);
   for (std::size_t b = 0; b < threads; ++b) {
     bands_[b].next_chunk.store(chunks * b / threads, std::memory_order_relaxed);
@@ -207,7 +207,7 @@ void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const 
   if (snapshot.object_count() < object_count_ || snapshot.id[object_count_ - 1] != object_count_ - 1)
     std::ranges::fill(out, std::numeric_limits<float>::quiet_NaN());
   for (std::size_t k = 0; k < snapshot.object_count() && snapshot.id[k] < object_count_; ++k) {
-    auto to = out.begin() + static_cast<std::ptrdiff_t>(snapshot.id[k] * kObjectStateSize);
+    auto to = out.begin() + snapshot.id[k] * kObjectStateSize;
     to = std::ranges::copy(snapshot.position[k], to).out;
     to = std::ranges::copy(snapshot.orientation[k], to).out;
     to = std::ranges::copy(snapshot.velocity[k], to).out;

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/EpisodeRandom.h"
 #include "smartsurf/simulation/SceneParameter.h"
@@ -62,11 +63,9 @@ auto with_subject(const Variation& v, Function function) {
   for (const MaterialField& n : kMaterialFields) known.emplace_back(n.name);
   for (const Alias& a : kAliases) known.emplace_back(a.name);
   std::ranges::sort(known);
-  std::string names;
-  for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
   const std::string meant = common::nearest_name(v.name, known);
   refuse(v, "no nuisance or parameter '" + v.name + "'" +
-                (meant.empty() ? "; known: " + names : " (did you mean '" + meant + "'?)"));
+                (meant.empty() ? "; known: " + common::join(known) : " (did you mean '" + meant + "'?)"));
 }
 
 // The parameters that the variation sets, all to or by one number.

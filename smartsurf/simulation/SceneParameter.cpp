@@ -11,6 +11,7 @@
 
 #include "common/text/Number.h"
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/FaultMap.h"
 
@@ -24,17 +25,11 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 [[noreturn]] void refuse(const std::string& message) { throw scene::InputError(message); }
 
-std::string name_list(const std::vector<std::string>& names) {
-  std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
-  return all;
-}
-
 [[noreturn]] void refuse_unknown(std::string_view name, const std::string& part,
                                  const std::vector<std::string>& known) {
   const std::string meant = common::nearest_name(part, known);
   refuse("parameter '" + std::string(name) + "': no '" + part + "'" +
-         (meant.empty() ? "; known: " + name_list(known) : " (did you mean '" + meant + "'?)"));
+         (meant.empty() ? "; known: " + common::join(known) : " (did you mean '" + meant + "'?)"));
 }
 
 // Splits at the first dot; the second part is empty without one.
@@ -48,7 +43,7 @@ std::pair<std::string, std::string> split(std::string_view text) {
 
 // A copy of a material that belongs to one object, or to the surface, has no name.
 std::size_t users_of(const SceneSpec& s, int material) {
-  return static_cast<std::size_t>(std::ranges::count(s.objects, material, &ObjectSpec::material)) +
+  return std::ranges::count(s.objects, material, &ObjectSpec::material) +
          (s.surface.material == material ? 1 : 0);
 }
 
@@ -376,7 +371,7 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
         known.push_back(other);
       refuse_unknown(name, field, known);
     }
-    const auto index = static_cast<std::size_t>(it - s.surface.sensors.begin());
+    const std::size_t index = it - s.surface.sensors.begin();
     out.components_ = numbers_of(*parameter);
     if (out.components_ > 1) out.shape_ = {out.components_};
     out.get_ = [index, parameter](const SceneSpec& from, std::span<double> to) {
@@ -452,7 +447,7 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
         refuse_unknown(name, channel, channels);
       }
       if (std::ranges::find(known, of) == known.end()) refuse_unknown(name, of, known);
-      const auto cells = static_cast<std::size_t>(s.surface.cell_count());
+      const std::size_t cells = s.surface.cell_count();
       out.shape_ = {static_cast<std::size_t>(s.surface.rows), static_cast<std::size_t>(s.surface.columns)};
       out.get_ = [channel, of, cells](const SceneSpec& from, std::span<double> to) {
         std::ranges::fill(to.first(cells), takes_value(of) ? kNan : 0.0);

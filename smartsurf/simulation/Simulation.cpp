@@ -311,7 +311,7 @@ int Simulation::find_sensor_channel(const std::string& name) const {
 
 std::size_t Simulation::plane_index(int row, int column, int component) const {
   const auto& surface = scene().surface;
-  return static_cast<std::size_t>(component * surface.cell_count() + surface.index(row, column));
+  return component * surface.cell_count() + surface.index(row, column);
 }
 
 float Simulation::sense(const std::string& channel, int row, int column, int component) const {

@@ -143,9 +143,7 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
       route.passthrough = depth == 1 && !faults_->has_faults(channel) &&
                           model_channels[k].minimum == it->minimum &&
                           model_channels[k].maximum == it->maximum;
-      if (!route.passthrough)
-        route.delay_line.assign(static_cast<std::size_t>(depth),
-                                std::vector<float>(field_.height.size(), 0.0F));
+      if (!route.passthrough) route.delay_line.assign(depth, std::vector<float>(field_.height.size(), 0.0F));
       if (depth > 1) route.delayed = route.delay_line.front();
       routes_.push_back(std::move(route));
     }
@@ -206,14 +204,13 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   ChannelCommands& commands = commands_[channel];
   const auto first_run = std::ranges::upper_bound(commands.runs, first_cell, {}, &CellRun::end);
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
-  const auto runs = std::span(commands.runs)
-                        .subspan(static_cast<std::size_t>(first_run - commands.runs.begin()),
-                                 static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, end_run - first_run)));
+  const auto runs =
+      std::span(commands.runs)
+          .subspan(first_run - commands.runs.begin(), std::max<std::ptrdiff_t>(0, end_run - first_run));
   std::atomic<std::uint64_t> replaced = 0, nan = 0;
   const auto clamp_runs = [&](int begin, int end) {
-    const ReplacedCommands count =
-        clamp_commands(runs.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)),
-                       {first_cell, end_cell}, targets.data(), low, high, safe, commands.values.data());
+    const ReplacedCommands count = clamp_commands(runs.subspan(begin, end - begin), {first_cell, end_cell},
+                                                  targets.data(), low, high, safe, commands.values.data());
     replaced.fetch_add(count.clamped + count.nan, std::memory_order_relaxed);
     nan.fetch_add(count.nan, std::memory_order_relaxed);
   };

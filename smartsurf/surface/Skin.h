@@ -40,8 +40,8 @@ struct Skin {
   // ---- loads, overwritten by the physics in every step
   std::vector<float> impulse;  // downward impulse of the objects on each node, mass·u/s
 
-  std::size_t index(int row, int column) const { return static_cast<std::size_t>(row * columns + column); }
-  std::size_t nodes() const { return static_cast<std::size_t>(rows * columns); }
+  std::size_t index(int row, int column) const { return row * columns + column; }
+  std::size_t nodes() const { return rows * columns; }
   float east() const { return west + static_cast<float>(columns - 1) * spacing_x; }
   float south() const { return north - static_cast<float>(rows - 1) * spacing_y; }
   Eigen::Vector3f node(int row, int column) const {

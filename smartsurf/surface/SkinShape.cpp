@@ -63,8 +63,7 @@ void SkinShape::init_geometry(const scene::SurfaceSpec& surface, Field& field) {
   s.speed = s.impulse = s.height;
   s.covers.assign(field.height.size(), 0);
   for (int r = 0; r < field.rows; ++r)
-    for (int c = 0; c < field.columns; ++c)
-      s.covers[static_cast<std::size_t>(field.index(r, c))] = surface.is_under_skin(r, c) ? 1 : 0;
+    for (int c = 0; c < field.columns; ++c) s.covers[field.index(r, c)] = surface.is_under_skin(r, c) ? 1 : 0;
   values_.assign(s.nodes(), 0.0);
 }
 
@@ -107,10 +106,7 @@ void SkinShape::assign_cells(Field& field) const {
   Skin& s = field.skin;
   s.cell_of_node.assign(s.nodes(), 0);
   std::vector<int> cells;
-  const auto bears = [&](int cell) {
-    return s.covers[static_cast<std::size_t>(cell)] != 0 &&
-           std::isfinite(field.height[static_cast<std::size_t>(cell)]);
-  };
+  const auto bears = [&](int cell) { return s.covers[cell] != 0 && std::isfinite(field.height[cell]); };
   for (int cell = 0; cell < field.cells(); ++cell)
     if (bears(cell)) cells.push_back(cell);
   for (int r = 0; r < s.rows; ++r)
@@ -158,8 +154,7 @@ void SkinShape::solve(Value value) noexcept {
   for (const Support& support : supports_) values_[support.node] = static_cast<double>(value(support));
   if (unknowns_.empty()) return;
   std::ranges::fill(right_side_, 0.0);
-  for (const Coupling& c : couplings_)
-    right_side_[static_cast<std::size_t>(c.unknown)] += c.weight * values_[c.node];
+  for (const Coupling& c : couplings_) right_side_[c.unknown] += c.weight * values_[c.node];
   factors_.solve(right_side_);
   for (std::size_t i = 0; i < unknowns_.size(); ++i) values_[unknowns_[i]] = right_side_[i];
 }

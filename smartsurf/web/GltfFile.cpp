@@ -113,10 +113,10 @@ class GltfFile {
   int add_node(json node, bool in_table = true) {
     nodes_.push_back(std::move(node));
     const int index = static_cast<int>(nodes_.size()) - 1;
-    if (in_table) nodes_[static_cast<std::size_t>(root_)]["children"].push_back(index);
+    if (in_table) nodes_[root_]["children"].push_back(index);
     return index;
   }
-  json& node(int index) { return nodes_[static_cast<std::size_t>(index)]; }
+  json& node(int index) { return nodes_[index]; }
 
   // Sets the property of the node, and animates it if it changes. path: translation, rotation or scale.
   template <std::size_t N>
@@ -181,15 +181,13 @@ class GltfFile {
     return static_cast<int>(views_.size()) - 1;
   }
   int add_accessor(std::span<const float> data, const char* type, int target, bool with_bounds) {
-    const std::size_t components =
-        std::string_view(type) == "SCALAR" ? 1 : static_cast<std::size_t>(type[3] - '0');
+    const std::size_t components = std::string_view(type) == "SCALAR" ? 1 : type[3] - '0';
     json accessor = {{"bufferView", add_view(data, target)},
                      {"componentType", kFloat},
                      {"count", data.size() / components},
                      {"type", type}};
     if (with_bounds) {
-      std::vector<float> low(data.begin(), data.begin() + static_cast<std::ptrdiff_t>(components)),
-          high = low;
+      std::vector<float> low(data.begin(), data.begin() + components), high = low;
       for (std::size_t i = 0; i < data.size(); ++i) {
         low[i % components] = std::min(low[i % components], data[i]);
         high[i % components] = std::max(high[i % components], data[i]);
@@ -338,7 +336,7 @@ void add_pins(GltfFile& file, const scene::SurfaceSpec& s, const std::vector<std
                        : pin;
   for (int row = 0; row < s.rows; ++row)
     for (int column = 0; column < s.columns; ++column) {
-      const auto cell = static_cast<std::size_t>(s.index(row, column));
+      const std::size_t cell = s.index(row, column);
       if (s.is_empty(row, column)) continue;
       const Eigen::Vector2f at = s.centre(row, column).cast<float>();
       Track<3> track;

@@ -49,7 +49,7 @@ std::pair<double, double> value_range(const Recording& recording, const CellChan
 std::vector<CellChannel> collect_cell_channels(const Recording& recording,
                                                const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& surface = recording.spec().surface;
-  const std::size_t cell_count = static_cast<std::size_t>(surface.cell_count());
+  const std::size_t cell_count = surface.cell_count();
   std::vector<CellChannel> channels;
   if (recording.has_heights()) {
     channels.push_back(
@@ -165,7 +165,7 @@ void encode_actuator_states(const Recording& recording, const std::vector<std::s
                             std::vector<std::uint8_t>& stream) {
   if (!recording.has_motion()) return;
   constexpr double kHalfTurn = std::numbers::pi;
-  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
+  const std::size_t cells = recording.spec().surface.cell_count();
   SeriesEncoder encoder({-kHalfTurn, kHalfTurn, 2, 3 * cells});
   std::vector<float> states(3 * cells);
   const auto wrap_angle = [](float angle) {
@@ -205,7 +205,7 @@ void encode_skin(const Recording& recording, const std::vector<std::size_t>& fra
 
 void require_size_limit(const Recording& recording, std::size_t frames) {
   std::size_t bytes_per_frame = 14 * recording.spec().objects.size();
-  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
+  const std::size_t cells = recording.spec().surface.cell_count();
   if (const auto& skin = recording.spec().surface.skin)
     bytes_per_frame += 6 * static_cast<std::size_t>(skin->rows) * static_cast<std::size_t>(skin->columns);
   bytes_per_frame +=

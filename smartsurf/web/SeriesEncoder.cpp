@@ -20,7 +20,7 @@ void SeriesEncoder::add(std::span<const float> frame) {
   const std::uint16_t max_code = max_code_for(layout_.bytes_per_value);
   const double scale = max_code / std::max(layout_.high - layout_.low, 1e-12);
   const std::size_t first = bytes_.size(), stride = frame.size();
-  bytes_.resize(first + stride * static_cast<std::size_t>(layout_.bytes_per_value));
+  bytes_.resize(first + stride * layout_.bytes_per_value);
   for (std::size_t i = 0; i < stride; ++i) {
     const double scaled =
         std::clamp((double{frame[i]} - layout_.low) * scale, 0.0, static_cast<double>(max_code));

@@ -16,7 +16,7 @@ void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
     if (!bodies.is_static(i)) reach.push_back(bodies.bounding_radius[i]);
   large_radius_ = 1.0F;
   if (reach.empty()) return;
-  const auto middle = reach.begin() + static_cast<std::ptrdiff_t>(reach.size() / 2);
+  const auto middle = reach.begin() + reach.size() / 2;
   std::nth_element(reach.begin(), middle, reach.end());
   large_radius_ = 4.0F * *middle;
 }
@@ -145,7 +145,7 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   if (!fast_bodies_.empty()) find_fast_neighbours(bodies);
   std::stable_sort(large_neighbours_.begin(), large_neighbours_.end(),
                    [](const LargeNeighbour& a, const LargeNeighbour& b) { return a.body < b.body; });
-  for (int k = 0; k < static_cast<int>(large_neighbours_.size()); ++k) {
+  for (int k = 0; k < std::ssize(large_neighbours_); ++k) {
     IndexRange& range = large_neighbours_of_[large_neighbours_[k].body];
     if (range.end == 0) range.begin = k;
     range.end = k + 1;

@@ -48,13 +48,13 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
     partition_.build(*grid_, bodies.size());
     find_fast_bodies(bodies);
     // With the same number of slabs, the previous contact counts are a good estimate of the work.
-    if (contacts_per_slab_.size() == static_cast<std::size_t>(partition_.slab_count()))
+    if (std::ssize(contacts_per_slab_) == partition_.slab_count())
       partition_.set_contact_counts(contacts_per_slab_);
   });
 }
 
 std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member) const {
-  if (member.member_count > 1 && partition_.row_count() == static_cast<int>(body_indices_.size()))
+  if (member.member_count > 1 && partition_.row_count() == std::ssize(body_indices_))
     return partition_.bodies_of(member);
   const IndexRange share = member.share(static_cast<int>(body_indices_.size()));
   return std::span(body_indices_).subspan(share.begin, share.end - share.begin);
@@ -82,8 +82,8 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
   // Several members replace all contacts: those that are there already need not be made again.
   if (member_count == 1) pair_contacts.contacts.clear(), static_contacts.contacts.clear();
   if (finds_in_order_) pair_contacts.manifolds.clear(), static_contacts.manifolds.clear();
-  max_pairs_ = kMaxPairsPerBody * static_cast<std::size_t>(body_count);
-  const auto slabs = static_cast<std::size_t>(partition_.slab_count());
+  max_pairs_ = kMaxPairsPerBody * body_count;
+  const std::size_t slabs = partition_.slab_count();
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
   pair_output_.resize(partition_.body_runs().size());
   static_output_.resize(partition_.body_runs().size());
@@ -108,7 +108,7 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
 // Makes the support patches of the last step the previous ones and indexes them by body.
 void CollisionPipeline::swap_supports(int bodies) {
   std::swap(supports_, previous_supports_);
-  const auto slabs = static_cast<std::size_t>(partition_.slab_count());
+  const std::size_t slabs = partition_.slab_count();
   const std::size_t previous_slabs = support_slabs_;
   support_slabs_ = slabs;
   if (supports_.size() < slabs) supports_.resize(slabs);

@@ -96,8 +96,7 @@ class CollisionPipeline {
     for (const SlabResults& results : slab_results_) {
       const int size = static_cast<int>(results.swept_pairs.size());
       for (int k = std::max(0, own.begin); k < std::min(size, own.end); ++k)
-        visit(static_cast<std::size_t>(results.swept_pairs[k].first),
-              static_cast<std::size_t>(results.swept_pairs[k].second));
+        visit(results.swept_pairs[k].first, results.swept_pairs[k].second);
       own.begin -= size, own.end -= size;
     }
   }
@@ -142,7 +141,7 @@ class CollisionPipeline {
   };
   // A static body near a body, and its contacts in the slab's list.
   struct StaticNeighbour {
-    std::size_t body;
+    std::int32_t body;
     bool is_swept = false;
     float impact_s = 0.0F;  // when a swept pair first touches; 0 if it does not
     std::size_t first = 0, end = 0;
@@ -304,7 +303,7 @@ void CollisionPipeline::for_each_in_reach_of_large(const BodyStore& bodies, cons
 template <class Found>
 void CollisionPipeline::for_each_fast_in_box(const Vec3& low, const Vec3& high, std::size_t from,
                                              Found found) const {
-  const auto begin = fast_bodies_.begin() + static_cast<std::ptrdiff_t>(from);
+  const auto begin = fast_bodies_.begin() + from;
   const auto first = std::ranges::lower_bound(begin, fast_bodies_.end(), low.x() - max_fast_length_, {},
                                               [](const FastBody& f) { return f.low.x(); });
   for (auto f = first; f != fast_bodies_.end() && f->low.x() <= high.x(); ++f)

@@ -49,7 +49,7 @@ NativeEngine::NativeEngine(const scene::SceneSpec& scene, surface::Field& field,
       collision_(field_, settings_.dt_s, settings_.substeps, ground_height(scene, unit_)),
       elastic_skin_(settings_.dt_s, settings_.gravity.z(), settings_.substeps),
       jam_relief_(settings_.dt_s),
-      stops_of_members_(static_cast<std::size_t>(team_.member_count())),
+      stops_of_members_(team_.member_count()),
       field_hasher_(pool) {
   for (const scene::Material& material : scene.materials) materials_.push_back(unit_.to_world(material));
   scene_field_.impulse.assign(scene_field_.height.size(), 0.0F);

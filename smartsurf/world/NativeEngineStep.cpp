@@ -235,7 +235,7 @@ void NativeEngine::collect_skin_contacts() {
 
 void NativeEngine::solve(const Member& member) {
   const ImpactSolver::HasRoom has_room = [this](std::int32_t body, std::int32_t partner, float reach) {
-    return collision_.has_room(bodies_, static_cast<std::size_t>(body), partner, reach);
+    return collision_.has_room(bodies_, body, partner, reach);
   };
   solver_->step(
       bodies_,
@@ -249,7 +249,7 @@ void NativeEngine::solve(const Member& member) {
 // path, and a corner that hits makes it spin. Then its motion ends there, and the next step finds the
 // contact.
 void NativeEngine::stop_at_bodies(const Member& member) {
-  std::vector<Stop>& own = stops_of_members_[static_cast<std::size_t>(member.index)];
+  std::vector<Stop>& own = stops_of_members_[member.index];
   own.clear();
   const SpatialPartition& partition = collision_.partition();
   collision_.for_each_swept_pair(member, [&](std::size_t a, std::size_t b) {
@@ -281,7 +281,7 @@ void NativeEngine::stop_at_bodies(const Member& member) {
   });
   member.single([&] {
     for (int i = 0; i < member.member_count; ++i) {
-      const std::vector<Stop>& found = stops_of_members_[static_cast<std::size_t>(i)];
+      const std::vector<Stop>& found = stops_of_members_[i];
       stops_.insert(stops_.end(), found.begin(), found.end());
     }
     if (!joints_.empty()) stop_jointed();
@@ -300,9 +300,7 @@ void NativeEngine::stop_jointed() {
                                                  solver_->motion(collision_.partition().row(body)));
     if (fraction < 1.0F) stops_.push_back({body, fraction});
   });
-  const auto is_jointed = [&](const Stop& s) {
-    return bodies_.is_jointed[static_cast<std::size_t>(s.body)] != 0;
-  };
+  const auto is_jointed = [&](const Stop& s) { return bodies_.is_jointed[s.body] != 0; };
   for (const Stop& s : stops_)
     if (is_jointed(s)) joints_.end_early(s.body, s.fraction);
   std::erase_if(stops_, is_jointed);

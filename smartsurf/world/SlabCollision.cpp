@@ -133,7 +133,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
     collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
-  const std::size_t field_contacts = out.contacts.size() - static_cast<std::size_t>(first);
+  const std::size_t field_contacts = out.contacts.size() - first;
   if (collider_.has_skin_or_tips())
     collider_.collide_skin_or_tips(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
@@ -201,8 +201,7 @@ void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size
   thread_local std::vector<StaticNeighbour> near;
   near.clear();
   const auto add = [&](std::int32_t other) {
-    if (bodies.is_static(other) && bodies.may_touch(i, other))
-      near.push_back({.body = static_cast<std::size_t>(other)});
+    if (bodies.is_static(other) && bodies.may_touch(i, other)) near.push_back({.body = other});
   };
   if (query_radius_[i] <= large_radius_)
     for (int n = large_neighbours_of_[i].begin; n < large_neighbours_of_[i].end; ++n)
@@ -214,7 +213,7 @@ void CollisionPipeline::collide_static_bodies(const BodyStore& bodies, std::size
   for (StaticNeighbour& n : near) {
     if (!may_any_pass_ || (!may_pass(i, n.body) && !is_fast(i))) continue;
     n.is_swept = true;
-    results.swept_pairs.emplace_back(static_cast<std::int32_t>(i), static_cast<std::int32_t>(n.body));
+    results.swept_pairs.emplace_back(static_cast<std::int32_t>(i), n.body);
     n.impact_s = PairSweep(bodies, i, n.body, dt_s_).time_of_impact();
     first_impact_s = std::min(first_impact_s, n.impact_s);
   }
@@ -248,8 +247,7 @@ void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t
     collide_bodies(bodies, i, other.body, speculative_margin_[i], dt_s_,
                    previous_contacts_.find_static_normal(i, other.body, results.member), contacts);
   other.end = contacts.size();
-  for (std::size_t k = other.first; k < other.end; ++k)
-    contacts[k].partner = Partner{static_cast<std::int32_t>(other.body)};
+  for (std::size_t k = other.first; k < other.end; ++k) contacts[k].partner = Partner{other.body};
 }
 
 void CollisionPipeline::correct_internal_edges(const BodyStore& bodies, std::size_t i,

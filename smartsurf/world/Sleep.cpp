@@ -337,8 +337,7 @@ void Sleep::on_body_removed(std::int32_t body) {
   std::erase(woken_, body);
   for (std::int32_t& i : woken_)
     if (i > body) --i;
-  if (static_cast<std::size_t>(body) < cells_near_sleeper_.size())
-    cells_near_sleeper_.erase(cells_near_sleeper_.begin() + body);
+  if (body < std::ssize(cells_near_sleeper_)) cells_near_sleeper_.erase(cells_near_sleeper_.begin() + body);
   ++set_version_, ++contacts_version_;
 }
 

@@ -6,13 +6,13 @@
 namespace smartsurf::world {
 
 void SleepingContacts::add(const ContactList& from, const Manifold& m, int bodies) {
-  if (first_.size() < static_cast<std::size_t>(bodies)) first_.resize(bodies, -1);
+  if (std::ssize(first_) < bodies) first_.resize(bodies, -1);
   list_.append(from, m);
   index(static_cast<std::int32_t>(list_.manifolds.size()) - 1);
 }
 
 void SleepingContacts::add(const SupportPatches& from, const SupportPatch& p, int bodies) {
-  if (patch_.size() < static_cast<std::size_t>(bodies)) patch_.resize(bodies, -1);
+  if (std::ssize(patch_) < bodies) patch_.resize(bodies, -1);
   patch_[p.body] = static_cast<std::int32_t>(supports_.patches.size());
   append_patch(from, p, supports_);
 }
@@ -26,21 +26,21 @@ void SleepingContacts::index(std::int32_t manifold) {
 
 void SleepingContacts::take_out(std::int32_t body, ContactList& pair_contacts, ContactList& static_contacts,
                                 SupportPatches& supports) {
-  if (static_cast<std::size_t>(body) < patch_.size() && patch_[body] >= 0) {
+  if (body < std::ssize(patch_) && patch_[body] >= 0) {
     SupportPatch& p = supports_.patches[std::exchange(patch_[body], -1)];
     append_patch(supports_, p, supports);
     p.body = kGap;
-    samples_in_gaps_ += static_cast<std::size_t>(p.count);
+    samples_in_gaps_ += p.count;
     if (2 * samples_in_gaps_ > supports_.samples.size()) close_gaps_of_supports();
   }
-  if (static_cast<std::size_t>(body) >= first_.size()) return;
+  if (body >= std::ssize(first_)) return;
   for (std::int32_t k = std::exchange(first_[body], -1); k >= 0;
        k = next_[k][bodies_[k][0] == body ? 0 : 1]) {
     Manifold& m = list_.manifolds[k];
     if (m.a == kGap) continue;
     (m.b >= 0 ? pair_contacts : static_contacts).append(list_, m);
     m.a = kGap;
-    contacts_in_gaps_ += static_cast<std::size_t>(m.count);
+    contacts_in_gaps_ += m.count;
   }
   if (2 * contacts_in_gaps_ > list_.contacts.size()) close_gaps();
 }
@@ -72,10 +72,10 @@ void SleepingContacts::close_gaps_of_supports() {
 void SleepingContacts::on_body_removed(std::int32_t body) {
   std::erase_if(list_.manifolds, [](const Manifold& m) { return m.a == kGap; });
   remove_body(list_, body);
-  if (static_cast<std::size_t>(body) < first_.size()) first_.erase(first_.begin() + body);
+  if (body < std::ssize(first_)) first_.erase(first_.begin() + body);
   close_gaps();
   remove_body(supports_, body);
-  if (static_cast<std::size_t>(body) < patch_.size()) patch_.erase(patch_.begin() + body);
+  if (body < std::ssize(patch_)) patch_.erase(patch_.begin() + body);
   close_gaps_of_supports();
 }
 

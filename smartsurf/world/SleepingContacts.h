@@ -60,7 +60,7 @@ class SleepingContacts {
   // Calls visit(patch, samples) if the body has a patch.
   template <class Visit>
   void with_patch_of(std::int32_t body, Visit visit) {
-    if (static_cast<std::size_t>(body) < patch_.size() && patch_[body] >= 0)
+    if (body < std::ssize(patch_) && patch_[body] >= 0)
       visit(supports_.patches[patch_[body]], supports_.samples);
   }
   std::size_t contact_count() const { return list_.contacts.size() - contacts_in_gaps_; }
@@ -78,7 +78,7 @@ class SleepingContacts {
   }
   template <class Visit>
   void for_each_manifold_of(std::int32_t body, Visit visit) const {
-    if (static_cast<std::size_t>(body) >= first_.size()) return;
+    if (body >= std::ssize(first_)) return;
     for (std::int32_t k = first_[body]; k >= 0;) {
       const Manifold& m = list_.manifolds[k];
       const std::int32_t next = next_[k][bodies_[k][0] == body ? 0 : 1];

@@ -88,7 +88,7 @@ void FieldHasher::copy_and_hash(const surface::Field& field, bool changed, std::
   const bool rehash = changed || block_hashes_.size() != blocks;
   block_hashes_.resize(blocks);
   const auto work = [&](int begin, int end) {
-    for (auto b = static_cast<std::size_t>(begin); b < static_cast<std::size_t>(end); ++b) {
+    for (int b = begin; b < end; ++b) {
       const std::size_t first = b * kBlockCells, count = std::min(kBlockCells, cells - first);
       const auto heights = std::span(height).subspan(first, count);
       std::copy_n(&field.height[first], count, heights.begin());

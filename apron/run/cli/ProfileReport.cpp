@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/files/ReadFile.h"
+#include "common/text/Words.h"
 
 namespace apron::run {
 namespace {
@@ -30,11 +31,9 @@ double read_number(const ordered_json& object, const char* field, double default
 void require_known_fields(const ordered_json& object, std::initializer_list<std::string_view> fields,
                           const std::string& where) {
   if (!object.is_object()) throw CostModelError{where + ": must be an object { … }"};
-  std::string known;
-  for (const std::string_view field : fields) known += (known.empty() ? "" : ", ") + std::string(field);
   for (const auto& [key, value] : object.items())
     if (std::ranges::find(fields, key) == fields.end())
-      throw CostModelError{where + ": '" + key + "' is unknown; known: " + known};
+      throw CostModelError{where + ": '" + key + "' is unknown; known: " + common::join(fields)};
 }
 
 InstructionCost parse_cost(const ordered_json& object, const std::string& where) {

@@ -93,7 +93,7 @@ HostStatus LocalHost::read_clip(vm::Plane to) {
 }
 HostStatus LocalHost::open_camera(int number) {
   if (number < 0) return report_status(HostStatus::kRefused, "a camera number must not be negative");
-  const auto index = static_cast<std::size_t>(number);
+  const std::size_t index = number;
   const std::string path = index < cameras_.size() ? cameras_[index] : "/dev/video" + std::to_string(number);
   camera_.reset();  // before opening: a device can be opened only once
   return guard_media_errors([&] { camera_ = run::open_camera(path); });

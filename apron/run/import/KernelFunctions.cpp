@@ -78,8 +78,7 @@ std::optional<KernelSourceReader::Function> KernelSourceReader::function_at(std:
   function.signature.value = flow_.add();
   function.signature.parameters = read_parameters(i, close);
   std::size_t at = 0;
-  const KernelTokenList words(tokens_.begin() + static_cast<long>(first_of_type),
-                              tokens_.begin() + static_cast<long>(end_of_type));
+  const KernelTokenList words(tokens_.begin() + first_of_type, tokens_.begin() + end_of_type);
   const auto type = read_type(words, at);
   function.deduces_result = mentions(words, "auto") && !mentions(words, "*");
   function.signature.result = type && is_scalar(*type) && !mentions(words, "*") ? *type : CppType::kVoid;
@@ -152,7 +151,7 @@ std::optional<KernelSourceReader::FunctionMacro> KernelSourceReader::function_ma
   std::size_t body = 2;
   for (; body < words.size() && !words[body].is(")"); ++body)
     if (words[body].kind == Kind::kName) macro.parameters.push_back(words[body].text);
-  macro.body.assign(words.begin() + static_cast<long>(std::min(body + 1, words.size() - 1)), words.end());
+  macro.body.assign(words.begin() + std::min(body + 1, words.size() - 1), words.end());
   return macro;
 }
 

@@ -23,7 +23,7 @@ KernelVocabulary read_vocabulary(std::string_view library) {
       const bool has_result = line.starts_with('$');
       if (has_result) line.erase(0, line.find('=') + 2);
       const std::string name = line.substr(0, line.find('('));
-      const std::size_t arity = static_cast<std::size_t>(std::ranges::count(line, '$'));
+      const std::size_t arity = std::ranges::count(line, '$');
       if (has_result && arity == 0) vocabulary.names.insert(name);  // XN, which is read as a register
       (has_result ? vocabulary.values : vocabulary.statements)[name].insert(arity);
     } else if (open != std::string::npos &&

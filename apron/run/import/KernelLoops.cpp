@@ -177,8 +177,7 @@ std::optional<KernelSourceReader::CountedLoop> KernelSourceReader::counted_loop(
   loop.variable = init[at].text;
   if (test.size() < 3 || !test[0].is_name(loop.variable) || step.size() < 2 || !mentions(step, loop.variable))
     return std::nullopt;
-  const KernelTokenList bound(test.begin() + 2, test.end()),
-      first(init.begin() + static_cast<long>(at) + 2, init.end());
+  const KernelTokenList bound(test.begin() + 2, test.end()), first(init.begin() + at + 2, init.end());
   if (mentions(bound, loop.variable) || mentions(first, ",")) return std::nullopt;
   for (const KernelToken& token : init)
     if (token.is(",")) return std::nullopt;

@@ -266,7 +266,7 @@ void KernelPreprocessor::define(const KernelToken& token) {
       if (words[body].kind == Kind::kName) macro.parameters.push_back(words[body].text);
     body = std::min(body + 1, words.size());
   }
-  macro.body.assign(words.begin() + static_cast<long>(body), words.end());
+  macro.body.assign(words.begin() + body, words.end());
   for (KernelToken& word : macro.body) word.line = token.line;
   const auto known = macros_.find(name);
   if (known != macros_.end() && known->second.is_kept) {
@@ -362,7 +362,7 @@ KernelTokenList KernelPreprocessor::substitute(const Macro& macro,
   const auto argument_of = [&](const KernelToken& word) -> const KernelTokenList* {
     const auto at = std::ranges::find(macro.parameters, word.text);
     if (word.kind != Kind::kName || at == macro.parameters.end()) return nullptr;
-    const auto index = static_cast<std::size_t>(at - macro.parameters.begin());
+    const std::size_t index = at - macro.parameters.begin();
     return index < arguments.size() ? &arguments[index] : nullptr;
   };
   KernelTokenList out;

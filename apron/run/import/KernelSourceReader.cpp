@@ -148,7 +148,7 @@ void KernelSourceReader::translate_function_macro(const FunctionMacro& macro, st
   std::string pattern = macro.name;
   for (const std::string& name : macro.parameters) {
     // The kind of an operand is known where the macro is called.
-    const auto index = static_cast<std::size_t>(&name - macro.parameters.data());
+    const std::size_t index = &name - macro.parameters.data();
     const auto signature = functions_.find(macro.name);
     scopes_.back()[name] = {
         "$" + name, CppType::kRegister, {}, std::nullopt, true, signature->second.parameters[index].node};

@@ -54,8 +54,7 @@ class Scanner {
 
   void skip(std::size_t count) {
     count = std::min(count, text_.size());
-    line_ +=
-        static_cast<std::size_t>(std::count(text_.begin(), text_.begin() + static_cast<long>(count), '\n'));
+    line_ += std::count(text_.begin(), text_.begin() + count, '\n');
     at_line_start_ = count > 0 && text_[count - 1] == '\n';
     text_.remove_prefix(count);
   }

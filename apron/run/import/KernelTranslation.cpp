@@ -408,7 +408,7 @@ ImportedKernels KernelTranslation::finish() {
 }
 
 void KernelTranslation::emit(ProgramLines& out, int depth, const std::string& text) {
-  out.push_back(std::string(static_cast<std::size_t>(depth) * 2, ' ') + text);
+  out.push_back(std::string(depth * 2, ' ') + text);
 }
 
 }  // namespace apron::run

@@ -69,8 +69,7 @@ KernelTokenList without_aliases(const KernelTokenList& tokens) {
       end = behind_bracket(tokens, k);
       if (end < tokens.size() && tokens[end].kind == Kind::kName) aliases[tokens[end].text] = type;
     }
-    out.insert(out.end(), tokens.begin() + static_cast<std::ptrdiff_t>(i),
-               tokens.begin() + static_cast<std::ptrdiff_t>(end));
+    out.insert(out.end(), tokens.begin() + i, tokens.begin() + end);
     return end > k ? end : end - 1;
   };
   for (std::size_t i = 0; i < tokens.size(); ++i) {

@@ -1,6 +1,5 @@
 #include "apron/run/media/MediaFile.h"
 
-#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include "apron/vm/NumberFormat.h"
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
+#include "common/text/Words.h"
 
 namespace apron::run {
 namespace {
@@ -58,9 +58,7 @@ void write_file(const std::string& path, std::string_view bytes) {
 std::string extension(std::string_view path) {
   const std::size_t dot = path.find_last_of("./");
   if (dot == std::string_view::npos || path[dot] == '/') return {};
-  std::string result(path.substr(dot + 1));
-  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return result;
+  return common::lower_case(std::string(path.substr(dot + 1)));
 }
 
 void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,

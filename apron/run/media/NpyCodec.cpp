@@ -44,7 +44,7 @@ void parse_type(const std::string& path, std::string_view text, NpyHeader& heade
   const bool known = type.size() == 3 && std::string_view("<>|=").find(type[0]) != std::string_view::npos;
   header.big_endian = known && type[0] == '>';
   header.type_kind = known ? type[1] : '?';
-  header.element_size = known ? static_cast<std::size_t>(type[2] - '0') : 0;
+  header.element_size = known ? type[2] - '0' : 0;
   const std::size_t size = header.element_size;
   const bool valid_integer_size = size == 1 || size == 2 || size == 4 || size == 8;
   if (!(header.type_kind == 'f' && (size == 4 || size == 8)) && !(header.type_kind == 'b' && size == 1) &&
@@ -141,7 +141,7 @@ void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane
 std::string encode_npy(const vm::ConstPlane& from) {
   constexpr std::size_t kPrefixBytes = 10, kAlignment = 64;  // the header is padded to kAlignment
   static constexpr std::array<std::string_view, program::kCellTypeCount> kTypes{"<f4", "<i4", "<u2", "|u1"};
-  std::string dictionary = "{'descr': '" + std::string(kTypes[static_cast<std::size_t>(from.type)]) +
+  std::string dictionary = "{'descr': '" + std::string(kTypes[index_of(from.type)]) +
                            "', 'fortran_order': False, 'shape': (" + std::to_string(from.height) + ", " +
                            std::to_string(from.width) + "), }";
   dictionary.append(kAlignment - (kPrefixBytes + dictionary.size() + 1) % kAlignment, ' ').push_back('\n');

@@ -31,7 +31,7 @@ constexpr int kJpegQuality = 95;
 constexpr unsigned char kHuffmanTables = 0xC4, kStartOfScan = 0xDA;  // JPEG markers DHT and SOS
 
 void append_bytes(void* bytes, void* data, int size) {
-  static_cast<std::string*>(bytes)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+  static_cast<std::string*>(bytes)->append(static_cast<const char*>(data), size);
 }
 
 // The offset of the first JPEG segment with this marker, before the scan data; npos if there is none.

@@ -75,7 +75,7 @@ FourCc V4l2Camera::choose_format() {
     description.index = i;
     if (device_->control(VIDIOC_ENUM_FMT, &description) != 0) break;
     const auto found = std::ranges::find(supported, description.pixelformat);
-    best = std::min(best, static_cast<std::size_t>(found - supported.begin()));
+    best = std::min<std::size_t>(best, found - supported.begin());
     offered += (offered.empty() ? "" : ", ") + fourcc_name(description.pixelformat);
   }
   if (best == supported.size())

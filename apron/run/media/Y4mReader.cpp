@@ -62,7 +62,7 @@ Y4mReader::Y4mReader(const std::string& path) : path_(path) {
   if (frame_.width == 0 || frame_.height == 0) throw_refused(path, "does not state its width and height");
   const std::int64_t bytes = chroma_bytes(format, frame_.width, frame_.height);
   if (bytes < 0) throw_refused(path, "has colours in the format '" + format + "', which is not supported");
-  chroma_bytes_ = static_cast<std::size_t>(bytes);
+  chroma_bytes_ = bytes;
   first_frame_ = file_.tellg();
 }
 

@@ -362,7 +362,7 @@ void parse_geometry(RawOptions& raw) {
       rest.remove_prefix(1);
     }
     const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
-    rest.remove_prefix(static_cast<std::size_t>(end - rest.data()));
+    rest.remove_prefix(end - rest.data());
     return error == std::errc{} && value >= 0 && value <= 8192;
   };
   int x = 0, y = 0;

@@ -211,7 +211,7 @@ void draw_program(DrawContext& context) {
   clipper.Begin(static_cast<int>(model.listing().rows().size()), height);
   while (clipper.Step())
     for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
-      const auto row = static_cast<std::size_t>(i);
+      const std::size_t row = i;
       if (row >= model.listing().rows().size()) break;  // a click on a previous row closed a fold
       draw_row(context, row, height, columns, row < profile.size() ? profile[row] : vm::InstructionProfile{},
                total);

@@ -42,8 +42,8 @@ FlowAnalysis::FlowAnalysis(const program::Program& program, const ObservedRegist
     : program_(program), branch_targets_(program.code.size(), false), boundary_(program.code.size()) {
   find_branch_targets();
   // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
-  const auto returns = static_cast<std::size_t>(
-      std::ranges::count_if(program.code, [](const Instruction& in) { return in.op == Opcode::kReturn; }));
+  const std::size_t returns =
+      std::ranges::count_if(program.code, [](const Instruction& in) { return in.op == Opcode::kReturn; });
   if (returns * return_sites_.size() > kMaxReturnEdges) return;
   compute_boundaries();
   compute_liveness(observed);

@@ -109,8 +109,7 @@ void FusedTrace::allocate_workers() {
   std::size_t scratch = 0;
   for (std::size_t s = 0; s < stage_interpreters_.size(); ++s)
     if (!compiled_stages_[s]) scratch = std::max(scratch, stage_interpreters_[s].scratch_floats());
-  const std::size_t ring_floats =
-      plan_.worker_cells * static_cast<std::size_t>(cell_bytes_) / sizeof(float) + 2 * kLanes;
+  const std::size_t ring_floats = plan_.worker_cells * cell_bytes_ / sizeof(float) + 2 * kLanes;
   const std::size_t rings = (ring_floats + kLanes - 1) / kLanes * kLanes;
   worker_floats_ = rings + scratch + kLanes;
   workers_.resize(plan_.threads);

@@ -59,10 +59,6 @@ class FusionPlanner {
 
  private:
   bool is_computed(std::uint32_t node) const { return graph_.nodes[node].is_computed(); }
-  template <class With>
-  void for_each_value(std::uint32_t node, const With& with) const {
-    graph_.nodes[node].for_each_value(with);
-  }
 
   bool is_used_across_stages(std::uint32_t node) const {
     return std::ranges::any_of(users_[node],
@@ -83,7 +79,7 @@ class FusionPlanner {
     for (std::uint32_t s = 0; s < groups_.size(); ++s) {
       Stage& stage = plan_.stages[s];
       for (const std::uint32_t node : groups_[s])
-        for_each_value(node, [&](const ValueRef& arg) {
+        graph_.nodes[node].for_each_value([&](const ValueRef& arg) {
           if (is_computed(arg.index) && stage_of_[arg.index] != s)
             stage.skew = std::max(
                 stage.skew, plan_.stages[stage_of_[arg.index]].skew + round_up(rows_ahead(arg.dy), unit));
@@ -94,7 +90,7 @@ class FusionPlanner {
   void compute_halos() {
     for (std::uint32_t s = static_cast<std::uint32_t>(groups_.size()); s-- > 0;)
       for (const std::uint32_t node : groups_[s])
-        for_each_value(node, [&](const ValueRef& arg) {
+        graph_.nodes[node].for_each_value([&](const ValueRef& arg) {
           if (!is_computed(arg.index) || stage_of_[arg.index] == s) return;
           Stage& from = plan_.stages[stage_of_[arg.index]];
           from.halo_x =

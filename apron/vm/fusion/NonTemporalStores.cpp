@@ -32,9 +32,9 @@ bool is_read_by_stage(const std::vector<Stage>& stages, const std::vector<RowBuf
 
 void select_non_temporal_stores(std::vector<Stage>& stages, const std::vector<RowBuffer>& buffers,
                                 std::size_t bytes) {
-  const auto planes = std::ranges::count_if(
+  const std::size_t planes = std::ranges::count_if(
       buffers, [](const RowBuffer& store) { return store.kind != RowBuffer::Kind::kRing; });
-  if (static_cast<std::size_t>(planes) * bytes <= kLastLevelCacheBytes) return;
+  if (planes * bytes <= kLastLevelCacheBytes) return;
   for (Stage& stage : stages)
     for (Stage::Result& result : stage.results) {
       const RowBuffer& to = buffers[stage.streams[result.stream].buffer];

@@ -22,7 +22,7 @@ class StagePartitioner {
     partition_.stage_of.resize(graph_.nodes.size(), kNoStage);
     partition_.users.resize(graph_.nodes.size());
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
-      for_each_value(i, [&](const ValueRef& arg) {
+      graph_.nodes[i].for_each_value([&](const ValueRef& arg) {
         partition_.users[arg.index].push_back({i, arg.dx, arg.dy});
       });
     group_by_level();
@@ -31,10 +31,6 @@ class StagePartitioner {
 
  private:
   bool is_computed(std::uint32_t node) const { return graph_.nodes[node].is_computed(); }
-  template <class With>
-  void for_each_value(std::uint32_t node, const With& with) const {
-    graph_.nodes[node].for_each_value(with);
-  }
 
   // A use at offset 0 can take the value from a vector register. A shifted use needs finished rows, so it
   // must be in a later stage.
@@ -42,7 +38,7 @@ class StagePartitioner {
     std::vector<std::uint32_t> level(graph_.nodes.size(), 0);
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
       if (is_computed(i))
-        for_each_value(i, [&](const ValueRef& arg) {
+        graph_.nodes[i].for_each_value([&](const ValueRef& arg) {
           if (!is_computed(arg.index)) return;
           const bool after = arg.is_shifted() || !is_fusible(i) || !is_fusible(arg.index);
           level[i] = std::max(level[i], level[arg.index] + (after ? 1U : 0U));
@@ -63,7 +59,7 @@ class StagePartitioner {
         to = std::min(to, level[use.node]);
         can_sink = can_sink && use.dx == 0 && use.dy == 0 && is_fusible(use.node);
       }
-      for_each_value(i, [&](const ValueRef& arg) {
+      graph_.nodes[i].for_each_value([&](const ValueRef& arg) {
         const auto keeps = [&](const ValueUse& use) { return use.node != i && level[use.node] >= to; };
         can_sink =
             can_sink && (!is_computed(arg.index) ||
@@ -113,7 +109,7 @@ class StagePartitioner {
     for (const std::uint32_t node : group) last_use[node] = node;
     std::vector<std::pair<std::uint32_t, int>> reads;
     for (const std::uint32_t node : group)
-      for_each_value(node, [&](const ValueRef& arg) {
+      graph_.nodes[node].for_each_value([&](const ValueRef& arg) {
         if (const auto own = last_use.find(arg.index); own != last_use.end() && !arg.is_shifted())
           own->second = node;
         else if (std::ranges::find(reads, std::pair{arg.index, int{arg.dy}}) == reads.end())
@@ -128,7 +124,7 @@ class StagePartitioner {
     std::size_t max_live = 0;
     for (const std::uint32_t node : group) {
       const auto alive = [&](const auto& use) { return use.first <= node && use.second > node; };
-      max_live = std::max(max_live, static_cast<std::size_t>(std::ranges::count_if(last_use, alive)));
+      max_live = std::max<std::size_t>(max_live, std::ranges::count_if(last_use, alive));
     }
     return reads.size() + written <= kMaxStreams && written <= kMaxResults && max_live <= kMaxLiveValues;
   }
@@ -138,7 +134,7 @@ class StagePartitioner {
     for (std::uint32_t i = node + 1; i < graph_.nodes.size(); ++i) {
       if (std::binary_search(group.begin(), group.end(), i)) continue;
       bool reads = false;
-      for_each_value(i, [&](const ValueRef& arg) { reads = reads || arg.index == node; });
+      graph_.nodes[i].for_each_value([&](const ValueRef& arg) { reads = reads || arg.index == node; });
       if (reads) return true;
     }
     return false;

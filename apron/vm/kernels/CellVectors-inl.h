@@ -131,7 +131,7 @@ void run(const Block& block) noexcept {
 
 template <class Op, unsigned kScalars = 0>
 void fill(KernelTable& table) {
-  auto& entry = table.elementwise[static_cast<std::size_t>(Op::kOpcode)][kScalars];
+  auto& entry = table.elementwise[index_of(Op::kOpcode)][kScalars];
   entry[0] = run<Op, kScalars, false>;
   entry[1] = run<Op, kScalars, true>;
   if constexpr (kScalars + 1 < (1U << Op::kArity)) fill<Op, kScalars + 1>(table);

@@ -73,7 +73,7 @@ bool any_bit(const std::uint64_t* bits, std::uint32_t first, std::uint32_t last)
 
 // Finds the runs of all rows and their roots.
 void ConnectedComponents::find_components(ConstPlane mask, const KernelTable& kernels) noexcept {
-  const TruthKernel find_truths = kernels.truths[static_cast<std::size_t>(mask.type)];
+  const TruthKernel find_truths = kernels.truths[index_of(mask.type)];
   std::uint32_t above = 0, end = 0;
   for (std::uint32_t row = 0; row < mask.height; ++row) {
     const std::uint32_t this_row = end;
@@ -129,7 +129,7 @@ void ConnectedComponents::write_accumulated(Plane y, Value start, Accumulate acc
 void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask,
                                 const KernelTable& kernels) noexcept {
   find_components(mask, kernels);
-  const TruthKernel find_truths = kernels.truths[static_cast<std::size_t>(seed.type)];
+  const TruthKernel find_truths = kernels.truths[index_of(seed.type)];
   with_cell_type(y.type, [&](auto cell) {
     write_accumulated<decltype(cell)>(
         y, false,

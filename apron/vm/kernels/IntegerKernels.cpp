@@ -178,7 +178,7 @@ void run_shift(const Block& block) noexcept {
 // One kernel takes any mix of registers and scalars.
 template <class T, class Op>
 void fill(IntegerKernels& table) {
-  auto& kernels = table.elementwise[static_cast<std::size_t>(Op::kOpcode)];
+  auto& kernels = table.elementwise[index_of(Op::kOpcode)];
   if constexpr (Op::kOpcode == Opcode::kBitLeft || Op::kOpcode == Opcode::kBitRight)
     kernels = {run_shift<T, Op, false>, run_shift<T, Op, true>};
   else
@@ -250,8 +250,6 @@ void convert(const Block& block) noexcept {
     if constexpr (kMasked) mask += block.mask_pitch;
   }
 }
-
-constexpr std::size_t index_of(CellType type) { return static_cast<std::size_t>(type); }
 
 template <class From, class To>
 void add_conversion(KernelTable& table, CellType from, CellType to) {

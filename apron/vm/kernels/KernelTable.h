@@ -116,15 +116,13 @@ struct KernelTable {
 
   Kernel kernel(program::Opcode op, unsigned scalars, bool masked,
                 program::CellType type = program::CellType::kFloat32) const noexcept {
-    const auto index = static_cast<std::size_t>(op);
-    return program::is_integer(type)
-               ? integers[static_cast<std::size_t>(type)].elementwise[index][masked ? 1 : 0]
-               : elementwise[index][scalars][masked ? 1 : 0];
+    const auto index = index_of(op);
+    return program::is_integer(type) ? integers[index_of(type)].elementwise[index][masked ? 1 : 0]
+                                     : elementwise[index][scalars][masked ? 1 : 0];
   }
   Kernel conversion(program::CellType from, program::CellType to, bool saturated,
                     bool masked) const noexcept {
-    return conversions[static_cast<std::size_t>(from)][static_cast<std::size_t>(to)][saturated ? 1 : 0]
-                      [masked ? 1 : 0];
+    return conversions[index_of(from)][index_of(to)][saturated ? 1 : 0][masked ? 1 : 0];
   }
   RowReduction reduction(Reduction r) const noexcept { return reductions[static_cast<std::size_t>(r)]; }
 };

@@ -315,7 +315,7 @@ void run_in_passes(const Block& block) noexcept {
 template <class Function, unsigned kScalars = 0>
 void fill_function(KernelTable& table) {
   if constexpr (requires { Passes<Function>::kKept; }) {
-    auto& entry = table.elementwise[static_cast<std::size_t>(Function::kOpcode)][kScalars];
+    auto& entry = table.elementwise[index_of(Function::kOpcode)][kScalars];
     entry[0] = run_in_passes<Function, kScalars, false>;
     entry[1] = run_in_passes<Function, kScalars, true>;
     if constexpr (kScalars + 1 < (1U << Function::kArity)) fill_function<Function, kScalars + 1>(table);

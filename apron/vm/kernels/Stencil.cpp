@@ -80,7 +80,7 @@ class StencilPass {
     Edge& edge = edges_[begin == 0 ? 0 : 1];
     for (std::uint32_t j = 0; j < height_ + outputs - 1; ++j) {
       const std::int64_t wanted = row + j - north_;
-      const auto slot = static_cast<std::size_t>((wanted + north_) % kEdgeExtent);
+      const std::size_t slot = (wanted + north_) % kEdgeExtent;
       if (edge.row[slot] != wanted) {
         auto& cells = edge.cells[slot];
         const auto end = std::copy_n(edge_row(j, begin, columns), columns + width_ - 1, cells.begin());
@@ -147,7 +147,7 @@ class StencilPass {
 
 void reduce_neighbours(Executor& executor, Opcode op, bool eight_connected, Plane y, ConstPlane a,
                        BoundaryCondition boundary, const float* mask) noexcept {
-  const std::size_t index = static_cast<std::size_t>(op) - static_cast<std::size_t>(Opcode::kNearSum);
+  const std::size_t index = index_of(op) - index_of(Opcode::kNearSum);
   const auto reduce = executor.kernels().stencils.near[index][eight_connected ? 1 : 0];
   executor.parallel_for_rows(y.height, y.width, [&](std::uint32_t first, std::uint32_t last) {
     StencilPass pass(3, 3, y, a, boundary, mask);

@@ -277,8 +277,7 @@ void Board::send_safe() {
   if (!accepted_ || !link_.described() || out_.size() > kMaxPendingBytes) return;
   safe_.resize(link_.actuator_elements());
   for (const DeviceChannel& c : link_.description().channels)
-    if (!c.sensor)
-      std::fill_n(safe_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
+    if (!c.sensor) std::fill_n(safe_.begin() + c.first_element, c.elements, c.safe);
   link_.write_frame(device_tick_, safe_, out_);
   answers_[device_tick_ % answers_.size()] = {device_tick_, kSafeValues, false};
   flush();

@@ -61,7 +61,7 @@ bool Stillness::add(std::span<const float> readings) {
 std::vector<float> calibration_plan(int hold) {
   std::vector<float> plan;
   const auto stay = [&](double value, int periods) {
-    plan.insert(plan.end(), static_cast<std::size_t>(periods), static_cast<float>(value));
+    plan.insert(plan.end(), periods, static_cast<float>(value));
   };
   const auto level = [](int step) { return kLowest + (kHighest - kLowest) * step / kSteps; };
   for (int step = 0; step <= kSteps; ++step) stay(level(step), hold);
@@ -161,14 +161,14 @@ double Calibrator::level() const {
   if (phase_ == Phase::kApproach) return kBelow;
   if (phase_ == Phase::kDown) return kLowest;
   if (phase_ == Phase::kUp) return kHighest;
-  const auto last = static_cast<std::int64_t>(plan_.size()) - 1;
-  return static_cast<double>(plan_[static_cast<std::size_t>(std::clamp<std::int64_t>(position_, 0, last))]);
+  const std::int64_t last = std::ssize(plan_) - 1;
+  return static_cast<double>(plan_[std::clamp<std::int64_t>(position_, 0, last)]);
 }
 
 // The command, as a height, that answered a tick of the table.
 double Calibrator::command_of(std::int64_t tick) const {
-  const auto last = static_cast<std::int64_t>(commands_.size()) - 1;
-  const auto index = static_cast<std::size_t>(std::clamp<std::int64_t>(tick - first_command_, 0, last));
+  const std::int64_t last = std::ssize(commands_) - 1;
+  const std::size_t index = std::clamp<std::int64_t>(tick - first_command_, 0, last);
   return lowest_ + static_cast<double>(commands_[index]) * (highest_ - lowest_);
 }
 
@@ -334,7 +334,7 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
         repeat(tick);
       else
         record(tick);
-      if (position_ >= static_cast<std::int64_t>(plan_.size()) + kTail) {
+      if (position_ >= std::ssize(plan_) + kTail) {
         phase_ = Phase::kDone;
         return Answer::kEnd;
       }
@@ -342,7 +342,7 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
   last_tick_ = tick.tick;
   if (phase_ == Phase::kRest) return Answer::kNothing;
   if (commands_.empty()) first_command_ = tick.tick;
-  commands_.resize(static_cast<std::size_t>(tick.tick - first_command_) + 1);
+  commands_.resize(tick.tick - first_command_ + 1);
   commands_.back() = static_cast<float>(level());
   std::ranges::fill(tick.planes[actuator_], static_cast<float>(command_of(tick.tick)));
   return Answer::kCommands;

@@ -69,7 +69,7 @@ class Fitter {
     r.of.resize(count_);
     CellMotion motion(model_of(x, delay), c_.period_s, static_cast<double>(c_.command[0]), c_.upwards);
     int next = 0;
-    const auto d = static_cast<std::size_t>(delay);
+    const std::size_t d = delay;
     for (std::size_t k = 0; k < c_.command.size(); ++k) {
       const double p = motion.advance(static_cast<double>(c_.command[k >= d ? k - d : 0]));
       if (c_.valid[k]) r.of[next++] = static_cast<double>(c_.reading[k]) - p;
@@ -170,7 +170,7 @@ double noise_of(const CellRecording& c) {
     if (c.valid[k] && c.valid[k - 1])
       steps.push_back(std::abs(static_cast<double>(c.reading[k]) - static_cast<double>(c.reading[k - 1])));
   if (steps.empty()) return 0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  const auto middle = steps.begin() + steps.size() / 2;
   std::ranges::nth_element(steps, middle);
   return 1.4826 * *middle / std::sqrt(2.0);
 }
@@ -301,8 +301,8 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   fit.value[CellFit::kPlay] = best[2] > 2 * error(2) ? best[2] : 0;
   const auto set_speed = [&](int parameter, int i) {  // v = 1 / x: dv = v² dx
     const double v = 1 / best[i];
-    fit.value[static_cast<std::size_t>(parameter)] = v;
-    fit.error[static_cast<std::size_t>(parameter)] = v * v * error(i);
+    fit.value[parameter] = v;
+    fit.error[parameter] = v * v * error(i);
   };
   if (up) set_speed(CellFit::kSpeedUp, 3);
   if (down) set_speed(CellFit::kSpeedDown, 4);

@@ -48,7 +48,7 @@ void ClockSync::receive(const ssw_clock& clock, std::int64_t now, std::int64_t e
 }
 
 void ClockSync::estimate(std::int64_t epoch) {
-  const auto last = recent_.begin() + static_cast<std::ptrdiff_t>(std::min(count_, kRoundTrips));
+  const auto last = recent_.begin() + std::min(count_, kRoundTrips);
   std::sort(recent_.begin(), last,
             [](const RoundTrip& a, const RoundTrip& b) { return a.round_trip < b.round_trip; });
   best_ = recent_[0];
@@ -64,7 +64,7 @@ void ClockSync::estimate(std::int64_t epoch) {
   };
   std::sort(recent_.begin(), good,
             [&](const RoundTrip& a, const RoundTrip& b) { return phase_of(a) < phase_of(b); });
-  best_ = recent_[static_cast<std::size_t>(good - recent_.begin()) / 2];
+  best_ = recent_[(good - recent_.begin()) / 2];
   const double phase = phase_of(best_);
   // How fast the board's clock runs, over up to a minute.
   const RoundTrip& r = best_;

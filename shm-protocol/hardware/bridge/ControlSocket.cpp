@@ -79,7 +79,7 @@ std::string receive_answer(const std::string& surface, int socket, std::chrono::
   const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
   if (got < 0) fail(socket, silent(surface) + ": " + std::strerror(errno));
   ::close(socket);
-  text.resize(static_cast<std::size_t>(got));
+  text.resize(got);
   return text;
 }
 
@@ -134,11 +134,11 @@ void ControlSocket::serve(const std::function<std::string(const std::string&)>& 
       continue;
     }
     if (got > 0) {
-      const std::string text = answer({command.data(), static_cast<std::size_t>(got)}).substr(0, kMaxAnswer);
+      const std::string text = answer(std::string(command.data(), got)).substr(0, kMaxAnswer);
       (void)::send(clients_[i], text.data(), text.size(), MSG_NOSIGNAL);
     }
     ::close(clients_[i]);
-    clients_.erase(clients_.begin() + static_cast<std::ptrdiff_t>(i));
+    clients_.erase(clients_.begin() + i);
   }
 }
 

@@ -304,7 +304,7 @@ void DeviceLink::append(const ssw_packet& packet, std::vector<std::uint8_t>& to)
   std::array<std::uint8_t, SSW_MAX_ENCODED + 2> framed;
   const std::size_t bytes = ssw_write(&packet, framed.data());
   assert(bytes != 0);
-  to.insert(to.end(), framed.begin(), framed.begin() + static_cast<std::ptrdiff_t>(bytes));
+  to.insert(to.end(), framed.begin(), framed.begin() + bytes);
 }
 
 void DeviceLink::write(std::uint8_t type, std::uint32_t tick, std::vector<std::uint8_t>& to) {

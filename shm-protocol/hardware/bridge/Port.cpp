@@ -157,7 +157,7 @@ Port& Port::operator=(Port&& other) noexcept {
 
 std::optional<std::size_t> Port::read(std::span<std::uint8_t> to) {
   const ssize_t got = ::read(descriptor_, to.data(), to.size());
-  if (got > 0) return static_cast<std::size_t>(got);
+  if (got > 0) return got;
   if (got < 0) return is_only_busy(errno) ? std::optional<std::size_t>(0) : std::nullopt;
   if (tcp_) return std::nullopt;  // the other end closed
   // A terminal returns 0 both if there is no input and after a hang-up.
@@ -169,7 +169,7 @@ std::optional<std::size_t> Port::read(std::span<std::uint8_t> to) {
 std::optional<std::size_t> Port::write(std::span<const std::uint8_t> from) {
   const ssize_t put = tcp_ ? ::send(descriptor_, from.data(), from.size(), MSG_NOSIGNAL)
                            : ::write(descriptor_, from.data(), from.size());
-  if (put >= 0) return static_cast<std::size_t>(put);
+  if (put >= 0) return put;
   return is_only_busy(errno) ? std::optional<std::size_t>(0) : std::nullopt;
 }
 
@@ -177,7 +177,7 @@ bool Port::flush(std::vector<std::uint8_t>& pending) {
   if (pending.empty()) return true;
   const auto written = write(pending);
   if (!written) return false;
-  pending.erase(pending.begin(), pending.begin() + static_cast<std::ptrdiff_t>(*written));
+  pending.erase(pending.begin(), pending.begin() + *written);
   return true;
 }
 

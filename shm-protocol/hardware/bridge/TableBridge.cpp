@@ -493,8 +493,7 @@ void TableBridge::send_answers() {
 void TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
   frame_.assign(board.actuator_elements(), 0.0F);
   for (const DeviceChannel& c : board.description().channels)
-    if (!c.sensor)
-      std::fill_n(frame_.begin() + static_cast<std::ptrdiff_t>(c.first_element), c.elements, c.safe);
+    if (!c.sensor) std::fill_n(frame_.begin() + c.first_element, c.elements, c.safe);
   for (const BoardChannel& c : mounted.channels) {
     const DeviceChannel& device = board.description().channels[c.device_channel];
     if (!device.sensor)

@@ -161,8 +161,7 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
 std::size_t TableMap::board_beside(std::uint32_t row, std::uint32_t column) const {
   const auto last = [this](const auto& is_beside) {
     const auto found = std::find_if(boards_.rbegin(), boards_.rend(), is_beside);
-    return found == boards_.rend() ? std::nullopt
-                                   : std::optional(static_cast<std::size_t>(boards_.rend() - found) - 1);
+    return found == boards_.rend() ? std::nullopt : std::optional<std::size_t>(boards_.rend() - found - 1);
   };
   const auto in_column =
       last([&](const MountedBoard& b) { return column >= b.column && column < b.column + b.columns; });

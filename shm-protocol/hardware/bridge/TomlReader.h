@@ -17,6 +17,8 @@
 #include <string_view>
 #include <utility>
 
+#include "common/text/Words.h"
+
 namespace hardware {
 
 // All functions throw std::invalid_argument. `where` begins the message, for example "board 'b1': ".
@@ -33,10 +35,8 @@ class TomlReader {
              std::initializer_list<std::string_view> keys) const {
     for (const auto& [key, value] : table) {
       if (std::ranges::find(keys, key.str()) != keys.end()) continue;
-      std::string known;
-      for (const std::string_view k : keys) known += (known.empty() ? "" : ", ") + std::string(k);
       fail(key.source().begin.line,
-           where + "unknown key '" + std::string(key.str()) + "'; known are " + known);
+           where + "unknown key '" + std::string(key.str()) + "'; known are " + common::join(keys));
     }
   }
 

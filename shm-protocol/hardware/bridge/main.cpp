@@ -1,5 +1,4 @@
 // surface_bridge: the surface role for a physical device on a serial line or behind TCP.
-#include <getopt.h>
 #include <shm_protocol/Error.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -15,6 +14,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "common/cli/Flags.h"
 #include "common/files/AtomicFile.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StandardStreams.h"
@@ -106,62 +106,45 @@ struct Arguments {
   hardware::CalibratorOptions calibrator;
 };
 
+// Returns whether --help was requested and printed.
+bool read_flags(int argc, char** argv, std::vector<common::Flag> flags) {
+  flags.push_back({"help", no_argument, nullptr, 'h'});
+  const std::string_view stopped_at = common::read_flags(argc, argv, flags);
+  if (stopped_at == "?") throw std::invalid_argument("see --help");
+  if (!stopped_at.empty()) std::fputs(kUsage, stdout);
+  return !stopped_at.empty();
+}
+
 // Returns nothing if --help was requested and printed.
 std::optional<Arguments> parse(int argc, char** argv) {
-  static const option kKnown[] = {
-      {"baud", 1, nullptr, 'b'},   {"shm", 1, nullptr, 's'},     {"mode", 1, nullptr, 'm'},
-      {"ticks", 1, nullptr, 't'},  {"silence", 1, nullptr, 'q'}, {"connect", 1, nullptr, 'c'},
-      {"replug", 1, nullptr, 'r'}, {"table", 1, nullptr, 'T'},   {"record", 1, nullptr, 'R'},
-      {"hold", 0, nullptr, 'o'},   {"help", 0, nullptr, 'h'},    {"calibration", 1, nullptr, 'C'},
-      {nullptr, 0, nullptr, 0}};
   Arguments arguments;
   BridgeOptions& o = arguments.bridge;
   bool named = false, has_baud = false;
   unsigned baud = 115200;
-  for (int flag; (flag = ::getopt_long(argc, argv, "h", kKnown, nullptr)) != -1;) {
-    switch (flag) {
-      case 'b':
-        has_baud = true;
-        baud = parse("baud", ::optarg, 1u, 10'000'000u, "a speed in bits a second");
-        break;
-      case 's':
-        o.surface = ::optarg;
-        named = true;
-        break;
-      case 'R':
-        arguments.record = ::optarg;
-        break;
-      case 'C':
-        arguments.calibration = ::optarg;
-        break;
-      case 'T':
-        arguments.table = ::optarg;
-        break;
-      case 'm':
-        o.mode = parse_mode(::optarg);
-        break;
-      case 't':
-        o.ticks = parse<std::uint64_t>("ticks", ::optarg, 1, ~0ull, "a whole number from 1");
-        break;
-      case 'q':
-        o.silence_timeout = parse_seconds("silence", ::optarg);
-        break;
-      case 'c':
-        o.connect_timeout = parse_seconds("connect", ::optarg);
-        break;
-      case 'r':
-        o.reconnect_timeout = parse_seconds("replug", ::optarg);
-        break;
-      case 'o':
-        o.hold_last_frame = true;
-        break;
-      case 'h':
-        std::fputs(kUsage, stdout);
-        return std::nullopt;
-      default:
-        throw std::invalid_argument("see --help");
-    }
-  }
+  const bool is_help =
+      read_flags(argc, argv,
+                 {{"baud", required_argument,
+                   [&](const char* text) {
+                     has_baud = true;
+                     baud = parse("baud", text, 1u, 10'000'000u, "a speed in bits a second");
+                   }},
+                  {"shm", required_argument, [&](const char* text) { o.surface = text, named = true; }},
+                  {"record", required_argument, [&](const char* text) { arguments.record = text; }},
+                  {"calibration", required_argument, [&](const char* text) { arguments.calibration = text; }},
+                  {"table", required_argument, [&](const char* text) { arguments.table = text; }},
+                  {"mode", required_argument, [&](const char* text) { o.mode = parse_mode(text); }},
+                  {"ticks", required_argument,
+                   [&](const char* text) {
+                     o.ticks = parse<std::uint64_t>("ticks", text, 1, ~0ull, "a whole number from 1");
+                   }},
+                  {"silence", required_argument,
+                   [&](const char* text) { o.silence_timeout = parse_seconds("silence", text); }},
+                  {"connect", required_argument,
+                   [&](const char* text) { o.connect_timeout = parse_seconds("connect", text); }},
+                  {"replug", required_argument,
+                   [&](const char* text) { o.reconnect_timeout = parse_seconds("replug", text); }},
+                  {"hold", no_argument, [&](const char*) { o.hold_last_frame = true; }}});
+  if (is_help) return std::nullopt;
   if (arguments.record) {
     const std::string extension = std::filesystem::path(*arguments.record).extension();
     if (extension != ".h5" && extension != ".hdf5")
@@ -183,50 +166,29 @@ std::optional<Arguments> parse(int argc, char** argv) {
 
 // Arguments of `surface_bridge calibrate`.
 std::optional<Arguments> parse_calibrate(int argc, char** argv) {
-  static const option kKnown[] = {{"output", 1, nullptr, 'o'},   {"rest", 1, nullptr, 'r'},
-                                  {"hold", 1, nullptr, 'H'},     {"shm", 1, nullptr, 's'},
-                                  {"actuator", 1, nullptr, 'a'}, {"sensor", 1, nullptr, 'y'},
-                                  {"help", 0, nullptr, 'h'},     {"connect", 1, nullptr, 'c'},
-                                  {"silence", 1, nullptr, 'q'},  {nullptr, 0, nullptr, 0}};
   Arguments arguments;
   arguments.calibrate = true;
   BridgeOptions& o = arguments.bridge;
   o.surface.clear();
   o.mode = shm_protocol::Mode::kPassive;
-  for (int flag; (flag = ::getopt_long(argc, argv, "o:h", kKnown, nullptr)) != -1;) {
-    switch (flag) {
-      case 'o':
-        arguments.output = ::optarg;
-        break;
-      case 'r':
-        arguments.calibrator.rest = parse("rest", ::optarg, -1e6, 1e6, "a height");
-        break;
-      case 'H':
-        arguments.calibrator.hold_s =
-            parse("hold", ::optarg, 0.01, 60.0, "a time in seconds from 0.01 to 60");
-        break;
-      case 's':
-        o.surface = ::optarg;
-        break;
-      case 'a':
-        arguments.calibrator.actuator = ::optarg;
-        break;
-      case 'y':
-        arguments.calibrator.sensor = ::optarg;
-        break;
-      case 'c':
-        o.connect_timeout = parse_seconds("connect", ::optarg);
-        break;
-      case 'q':
-        o.silence_timeout = parse_seconds("silence", ::optarg);
-        break;
-      case 'h':
-        std::fputs(kUsage, stdout);
-        return std::nullopt;
-      default:
-        throw std::invalid_argument("see --help");
-    }
-  }
+  hardware::CalibratorOptions& c = arguments.calibrator;
+  const bool is_help =
+      read_flags(argc, argv,
+                 {{"output", required_argument, [&](const char* text) { arguments.output = text; }, 'o'},
+                  {"rest", required_argument,
+                   [&](const char* text) { c.rest = parse("rest", text, -1e6, 1e6, "a height"); }},
+                  {"hold", required_argument,
+                   [&](const char* text) {
+                     c.hold_s = parse("hold", text, 0.01, 60.0, "a time in seconds from 0.01 to 60");
+                   }},
+                  {"shm", required_argument, [&](const char* text) { o.surface = text; }},
+                  {"actuator", required_argument, [&](const char* text) { c.actuator = text; }},
+                  {"sensor", required_argument, [&](const char* text) { c.sensor = text; }},
+                  {"connect", required_argument,
+                   [&](const char* text) { o.connect_timeout = parse_seconds("connect", text); }},
+                  {"silence", required_argument,
+                   [&](const char* text) { o.silence_timeout = parse_seconds("silence", text); }}});
+  if (is_help) return std::nullopt;
   if (::optind + 1 != argc) throw std::invalid_argument("calibrate needs one TABLE.toml");
   if (arguments.output.empty()) throw std::invalid_argument("calibrate needs -o FILE.toml");
   arguments.table = argv[::optind];

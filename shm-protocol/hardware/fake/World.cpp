@@ -112,7 +112,7 @@ void WorldDevice::for_each_row(const ChannelSpec& c, Visit visit) const {
 
 void WorldDevice::sense(std::uint64_t) {
   for (Plane& plane : sensors_) {
-    const ChannelSpec& c = world_.description().channels[static_cast<std::size_t>(plane.channel)];
+    const ChannelSpec& c = world_.description().channels[plane.channel];
     const std::uint8_t* from = sensor_bytes(world_.endpoint_, plane.channel, c.dtype);
     for_each_row(c, [&](std::size_t of_world, std::size_t of_board, std::size_t bytes) {
       std::memcpy(plane.cells.data() + of_board, from + of_world, bytes);
@@ -123,7 +123,7 @@ void WorldDevice::sense(std::uint64_t) {
 void WorldDevice::command() {
   for (std::size_t k = 0; k < actuators_.size(); ++k) {
     const int channel = actuators_[k].channel;
-    const ChannelSpec& c = world_.description().channels[static_cast<std::size_t>(channel)];
+    const ChannelSpec& c = world_.description().channels[channel];
     std::uint8_t* to = actuator_bytes(world_.endpoint_, channel, c.dtype);
     for_each_row(c, [&](std::size_t of_world, std::size_t of_board, std::size_t bytes) {
       std::memcpy(to + of_world, active(k).data() + of_board, bytes);

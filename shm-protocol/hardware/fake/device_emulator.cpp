@@ -1,7 +1,6 @@
 // device_emulator: the reference firmware on an emulated device, behind a pseudo-terminal or TCP, with
 // configurable line faults.
 #include <fcntl.h>
-#include <getopt.h>
 #include <poll.h>
 #include <sys/mman.h>
 #include <sys/time.h>
@@ -21,6 +20,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "common/cli/Flags.h"
 #include "common/files/AtomicFile.h"
 #include "common/process/StandardStreams.h"
 #include "common/text/Number.h"
@@ -115,76 +115,66 @@ void parse_size(const std::string& flag, const std::string& text, unsigned most,
   rows = parse<std::uint16_t>(flag, text.substr(x + 1).c_str(), 1, static_cast<std::uint16_t>(most));
 }
 
-void set_limit(const std::string& flag, const char* text, Options& o) {
-  if (!o.limits) o.limits = ssw_limits{};
-  const auto positive = [&] { return static_cast<float>(parse(flag, text, 1e-6, 1e9)); };
-  if (flag == "slew") o.limits->slew = positive();
-  if (flag == "acceleration") o.limits->acceleration = positive();
-  if (flag == "soft-start") o.limits->soft_start = positive();
-  if (flag == "most-moving") o.limits->most_moving = parse<std::uint16_t>(flag, text, 1, 65535);
-}
-
-void set(const std::string& flag, Options& o) {
-  const char* text = ::optarg;
-  const auto count = [&] { return parse<std::uint64_t>(flag, text, 1, ~0ull); };
-  hardware::EmulatedBoardOptions& b = o.board;
-  if (flag == "pty") b.link = text;
-  if (flag == "tcp") b.tcp = parse(flag, text, 0, 65535);
-  if (flag == "device") o.device = text;
-  if (flag == "size") parse_size(flag, text, 1024, o.rows, o.columns);
-  if (flag == "boards") parse_size(flag, text, 64, o.board_rows, o.board_columns);
-  if (flag == "table") o.table = text;
-  if (flag == "name") o.name = text;
-  if (flag == "pins") o.pins = text;
-  if (flag == "world") o.world = text;
-  if (flag == "period-ms") {
-    b.period_us = static_cast<std::uint32_t>(parse(flag, text, 0.5, 60000.0) * 1e3 + 0.5);
-    o.has_period = true;
-  }
-  if (flag == "ticks") o.ticks = count();
-  if (flag == "once") o.once = true;
-  if (flag == "patient") o.patient = true;
-  if (flag == "slew" || flag == "acceleration" || flag == "soft-start" || flag == "most-moving")
-    set_limit(flag, text, o);
-  if (flag == "drift-ppm") o.drift_ppm = parse(flag, text, 0.0, 10000.0);
-  if (flag == "version-1") b.version_1 = true;
-  if (flag == "queue") b.queue_bytes = parse<std::size_t>(flag, text, 0, std::size_t{1} << 30);
-  if (flag == "blocking") b.blocking = true;
-  if (flag == "errors") o.errors = parse<std::uint64_t>(flag, text, 0, ~0ull);
-  if (flag == "truth") o.truth = text;
-  if (flag == "stop-at") o.stop_at = count();
-  if (flag == "drop") b.noise.drop = parse(flag, text, 0.0, 1.0);
-  if (flag == "corrupt") b.noise.corrupt = parse(flag, text, 0.0, 1.0);
-  if (flag == "delay-ms") b.noise.delay = milliseconds(parse<unsigned>(flag, text, 0, 60000));
-  if (flag == "seed") b.noise.seed = parse<std::uint64_t>(flag, text, 0, ~0ull);
-  if (flag == "silent-at") b.silent_at = count();
-  if (flag == "silent-for") b.silent_for = count();
-  if (flag == "unplug-at") b.unplug_at = count();
-  if (flag == "unplug-for") b.unplug_for = count();
-  if (flag == "restart") b.restart_unplugged = true;
-  if (flag == "storm") o.storm = parse(flag, text, 0.0, 1000.0);
-  if (flag == "help") o.help = true;
-}
-
 Options parse(int argc, char** argv) {
-  static const option kKnown[] = {
-      {"pty", 1, nullptr, 1},          {"tcp", 1, nullptr, 1},        {"size", 1, nullptr, 1},
-      {"device", 1, nullptr, 1},       {"period-ms", 1, nullptr, 1},  {"ticks", 1, nullptr, 1},
-      {"drop", 1, nullptr, 1},         {"corrupt", 1, nullptr, 1},    {"delay-ms", 1, nullptr, 1},
-      {"seed", 1, nullptr, 1},         {"silent-at", 1, nullptr, 1},  {"silent-for", 1, nullptr, 1},
-      {"unplug-at", 1, nullptr, 1},    {"unplug-for", 1, nullptr, 1}, {"restart", 0, nullptr, 1},
-      {"once", 0, nullptr, 1},         {"boards", 1, nullptr, 1},     {"table", 1, nullptr, 1},
-      {"name", 1, nullptr, 1},         {"pins", 1, nullptr, 1},       {"slew", 1, nullptr, 1},
-      {"acceleration", 1, nullptr, 1}, {"soft-start", 1, nullptr, 1}, {"most-moving", 1, nullptr, 1},
-      {"drift-ppm", 1, nullptr, 1},    {"version-1", 0, nullptr, 1},  {"queue", 1, nullptr, 1},
-      {"blocking", 0, nullptr, 1},     {"stop-at", 1, nullptr, 1},    {"storm", 1, nullptr, 1},
-      {"errors", 1, nullptr, 1},       {"truth", 1, nullptr, 1},      {"help", 0, nullptr, 1},
-      {"world", 1, nullptr, 1},        {"patient", 0, nullptr, 1},    {nullptr, 0, nullptr, 0}};
   Options o;
-  for (int index = 0, flag; (flag = ::getopt_long(argc, argv, "", kKnown, &index)) != -1;) {
-    if (flag != 1) throw std::invalid_argument("see --help");
-    set(kKnown[index].name, o);
-  }
+  hardware::EmulatedBoardOptions& b = o.board;
+  std::vector<common::Flag> flags{{"help", no_argument, [&](const char*) { o.help = true; }}};
+  const auto add = [&](const char* name, auto read) { flags.push_back({name, required_argument, read}); };
+  const auto add_switch = [&](const char* name, bool& is_on) {
+    flags.push_back({name, no_argument, [&](const char*) { is_on = true; }});
+  };
+  const auto add_text = [&](const char* name, std::string& value) {
+    add(name, [&](const char* text) { value = text; });
+  };
+  const auto add_number = [&](const char* name, auto least, auto most, auto& value) {
+    add(name, [=, &value](const char* text) { value = parse(name, text, least, most); });
+  };
+  constexpr std::uint64_t kAny = ~std::uint64_t{0};
+  const auto add_count = [&](const char* name, std::uint64_t& value) {
+    add_number(name, std::uint64_t{1}, kAny, value);
+  };
+  ssw_limits limits{};
+  add_text("pty", b.link);
+  add_number("tcp", 0, 65535, b.tcp);
+  add_text("device", o.device);
+  add("size", [&](const char* text) { parse_size("size", text, 1024, o.rows, o.columns); });
+  add("boards", [&](const char* text) { parse_size("boards", text, 64, o.board_rows, o.board_columns); });
+  add_text("table", o.table);
+  add_text("name", o.name);
+  add_text("pins", o.pins);
+  add_text("world", o.world);
+  add("period-ms", [&](const char* text) {
+    b.period_us = static_cast<std::uint32_t>(parse("period-ms", text, 0.5, 60000.0) * 1e3 + 0.5);
+    o.has_period = true;
+  });
+  add_count("ticks", o.ticks);
+  add_switch("once", o.once);
+  add_switch("patient", o.patient);
+  add_number("slew", 1e-6F, 1e9F, limits.slew);
+  add_number("acceleration", 1e-6F, 1e9F, limits.acceleration);
+  add_number("soft-start", 1e-6F, 1e9F, limits.soft_start);
+  add_number("most-moving", std::uint16_t{1}, std::uint16_t{65535}, limits.most_moving);
+  add_number("drift-ppm", 0.0, 10000.0, o.drift_ppm);
+  add_switch("version-1", b.version_1);
+  add_number("queue", std::size_t{0}, std::size_t{1} << 30, b.queue_bytes);
+  add_switch("blocking", b.blocking);
+  add_number("errors", std::uint64_t{0}, kAny, o.errors);
+  add_text("truth", o.truth);
+  add_count("stop-at", o.stop_at);
+  add_number("drop", 0.0, 1.0, b.noise.drop);
+  add_number("corrupt", 0.0, 1.0, b.noise.corrupt);
+  add("delay-ms",
+      [&](const char* text) { b.noise.delay = milliseconds(parse<unsigned>("delay-ms", text, 0, 60000)); });
+  add_number("seed", std::uint64_t{0}, kAny, b.noise.seed);
+  add_count("silent-at", b.silent_at);
+  add_count("silent-for", b.silent_for);
+  add_count("unplug-at", b.unplug_at);
+  add_count("unplug-for", b.unplug_for);
+  add_switch("restart", b.restart_unplugged);
+  add_number("storm", 0.0, 1000.0, o.storm);
+  if (!common::read_flags(argc, argv, flags).empty()) throw std::invalid_argument("see --help");
+  if (limits.slew > 0 || limits.acceleration > 0 || limits.soft_start > 0 || limits.most_moving > 0)
+    o.limits = limits;
   if (o.help) return o;
   if (!o.world.empty() && !(o.device.empty() && o.pins.empty() && !o.errors && !o.has_period))
     throw std::invalid_argument("--world: the surface '" + o.world +
@@ -399,7 +389,7 @@ class Emulator {
     while (next_storm_ <= now) {
       next_storm_ +=
           EmulatedBoard::Time(static_cast<std::int64_t>(-std::log(1 - uniform()) * 1e9 / o_.storm));
-      EmulatedBoard& board = *boards[static_cast<std::ptrdiff_t>(random_() % boards.size())];
+      EmulatedBoard& board = *boards[random_() % boards.size()];
       const std::uint64_t periods = 5 + random_() % 95;
       const auto kind = random_() % 5;
       ++storm_counts_[static_cast<std::ptrdiff_t>(kind)];

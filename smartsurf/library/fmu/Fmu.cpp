@@ -139,8 +139,7 @@ class Instance {
       if (reference >= kFirstSensor &&
           reference - kFirstSensor < smartsurf_channel_count(table_.get(), SMARTSURF_SENSORS)) {
         const smartsurf_channel sensor = channel(SMARTSURF_SENSORS, reference - kFirstSensor);
-        values.insert(values.end(), sensor.values,
-                      sensor.values + static_cast<std::size_t>(sensor.components) * cells());
+        values.insert(values.end(), sensor.values, sensor.values + sensor.components * cells());
         return;
       }
       if (reference >= kFirstActuator && reference - kFirstActuator < inputs_.size()) {
@@ -178,7 +177,7 @@ class Instance {
   }
   std::size_t cells() const {
     const smartsurf_state now = state();
-    return static_cast<std::size_t>(now.rows) * static_cast<std::size_t>(now.columns);
+    return now.rows * now.columns;
   }
 
   // Rows of the objects that the experiment starts with, by id; NaN for one that is gone.
@@ -190,8 +189,7 @@ class Instance {
     values.resize(begin + object_count_ * width, std::numeric_limits<float>::quiet_NaN());
     for (std::size_t i = 0; i < now.object_count; ++i)
       if (now.id[i] < object_count_)
-        std::copy_n(from + i * width, width,
-                    values.begin() + static_cast<std::ptrdiff_t>(begin + now.id[i] * width));
+        std::copy_n(from + i * width, width, values.begin() + begin + now.id[i] * width);
   }
 
   std::string resources_, script_;

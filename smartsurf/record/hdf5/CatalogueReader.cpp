@@ -73,7 +73,7 @@ scene::ObjectSpec make_object(const CatalogueColumns& columns, std::size_t i,
   object.height = columns.height[i];
   if (object.shape != scene::ShapeKind::kBox) object.radius = columns.radius[i];
   if (object.shape == scene::ShapeKind::kSolid) {
-    if (columns.solid[i] < 0 || static_cast<std::size_t>(columns.solid[i]) >= solids.size())
+    if (columns.solid[i] < 0 || columns.solid[i] >= std::ssize(solids))
       throw Hdf5Error("object " + std::to_string(i) + " refers to a solid that is not in the file");
     object.solid = solids[columns.solid[i]];
   }

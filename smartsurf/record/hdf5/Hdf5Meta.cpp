@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "common/text/Words.h"
 #include "smartsurf/record/hdf5/AttributeArchive.h"
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
 #include "smartsurf/record/hdf5/Names.h"
@@ -77,10 +78,7 @@ constexpr const char* kActuator = "actuator";
 
 // The models, separated by commas: "pin, wheels".
 std::string actuator_names(const scene::SurfaceSpec& surface) {
-  std::string names;
-  for (const scene::ActuatorSpec& actuator : surface.effective_actuators())
-    names += (names.empty() ? "" : ", ") + actuator.model;
-  return names;
+  return common::join(surface.effective_actuators(), &scene::ActuatorSpec::model);
 }
 
 std::vector<scene::Variation> read_variations(hid_t meta) {

@@ -48,7 +48,7 @@ bool is_valid_channel_name(std::string_view name) {
 
 // Converts component planes to cells with adjacent components, the file's layout.
 void interleave_components(const scene::ChannelData& channel, std::span<float> cells) {
-  const auto components = static_cast<std::size_t>(channel.components);
+  const std::size_t components = channel.components;
   const std::size_t plane = cells.size() / components;
   for (std::size_t k = 0; k < components; ++k)
     for (std::size_t i = 0; i < plane; ++i) cells[i * components + k] = channel.values[k * plane + i];
@@ -151,7 +151,7 @@ FrameSeries Hdf5Recorder::OpenFile::make_grid_series(hid_t parent, std::string_v
                              .compress = true,
                              .fill_value = FrameSeries::to_bytes(kNaN)};
   if (components > 1) layout.row.push_back(static_cast<hsize_t>(components));
-  const std::size_t bytes = sizeof(float) * static_cast<std::size_t>(rows * columns * components);
+  const std::size_t bytes = sizeof(float) * rows * columns * components;
   layout.chunk_frames = std::min(frames_that_fit(kMaxChunkBytes, bytes), buffer_capacity);
   return {parent, std::string(name), std::move(layout), buffer_capacity};
 }
@@ -204,7 +204,7 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
     for (const scene::ChannelData& channel : sensors) bytes += channel.values.size_bytes();
   if (record.actuators) {
     for (const scene::ChannelData& channel : actuators) bytes += channel.values.size_bytes();
-    bytes += sizeof(float) * static_cast<std::size_t>(surface.cell_count());
+    bytes += sizeof(float) * surface.cell_count();
   }
   require_memory(bytes);
   buffer_capacity = frames_that_fit(kMaxBufferBytes, bytes);
@@ -221,10 +221,9 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
     angular_velocity.emplace(make_pose_series(paths::kAngularVelocity, 3));
   }
   create_live_series();
-  heights.emplace(file, paths::kHeightChanges, static_cast<std::size_t>(surface.cell_count()));
+  heights.emplace(file, paths::kHeightChanges, surface.cell_count());
   if (!first.actuator_state.empty())
-    motion.emplace(file, paths::kMotion,
-                   kValuesPerActuatorState * static_cast<std::size_t>(surface.cell_count()));
+    motion.emplace(file, paths::kMotion, kValuesPerActuatorState * surface.cell_count());
   if (surface.skin) skin.emplace(file, paths::kSkinHeight, first.skin_height.size());
   std::vector<LiveChannel> live_sensors, live_actuators;
   for (const LiveChannel& channel : live_channels)

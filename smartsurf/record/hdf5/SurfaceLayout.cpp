@@ -57,8 +57,7 @@ scene::ActuatorSpec read_mechanism(hid_t group, const scene::PinSpec& pin) {
     const hssize_t count = H5Sget_simple_extent_npoints(space);
     const bool variable_count = parameter.type == scene::Parameter::Type::kPointList;
     if (count < 1 || count > 65536 ||
-        (!variable_count && spec.has(parameter.name) &&
-         static_cast<std::size_t>(count) != spec.numbers(parameter.name).size()))
+        (!variable_count && spec.has(parameter.name) && count != std::ssize(spec.numbers(parameter.name))))
       throw Hdf5Error("attribute " + parameter.name + " of a mechanism has the wrong size");
     std::vector<double> values(count);
     read_attribute(group, parameter.name.c_str(), H5T_NATIVE_DOUBLE, values.data(),

@@ -7,6 +7,7 @@
 
 #include "common/text/Number.h"
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 
 namespace smartsurf::record {
 namespace {
@@ -17,12 +18,6 @@ constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 [[noreturn]] void throw_plot_error(const std::string& what, const std::string& reason) {
   throw scene::InputError("--what " + what + ": " + reason);
-}
-
-std::string join(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list;
 }
 
 std::optional<std::size_t> parse_index(const std::string& text) {
@@ -81,7 +76,7 @@ TimeSeries height_series(const Recording& recording, const std::string& kind, co
   std::vector<std::size_t> cell_indices;
   for (const std::string& text : cells) {
     const Cell cell = parse_cell(recording, kind, text);
-    cell_indices.push_back(static_cast<std::size_t>(recording.spec().surface.index(cell.row, cell.column)));
+    cell_indices.push_back(recording.spec().surface.index(cell.row, cell.column));
     result.curves.push_back({curve_name(cell), {}});
   }
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
@@ -196,7 +191,7 @@ TimeSeries metric_series(const Recording& recording, const std::string& kind, co
   for (const std::string& name : names) {
     if (std::ranges::find(known, name) == known.end())
       throw_plot_error(kind + ":" + name, known.empty() ? recording.path().string() + " holds no metrics"
-                                                        : "no such metric; known: " + join(known) +
+                                                        : "no such metric; known: " + common::join(known) +
                                                               common::did_you_mean(name, known));
     result.curves.push_back({name, recording.read_metric(name)});
   }
@@ -214,7 +209,7 @@ TimeSeries register_series(const Recording& recording, const std::string& kind, 
                                                             " holds no registers, which run "
                                                             "--record-registers " +
                                                             name + " keeps"
-                                                      : "no such register; known: " + join(known) +
+                                                      : "no such register; known: " + common::join(known) +
                                                             common::did_you_mean(name, known));
   return channel_series(recording, "registers", name, {arguments.begin() + 1, arguments.end()});
 }
@@ -263,7 +258,8 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     require_no_arguments(kind, arguments);
     return metric_series(recording, "metric", {name});
   }
-  throw_plot_error(kind, "unknown kind of plot; known: " + join(known) + common::did_you_mean(kind, known));
+  throw_plot_error(kind,
+                   "unknown kind of plot; known: " + common::join(known) + common::did_you_mean(kind, known));
 }
 
 }  // namespace smartsurf::record

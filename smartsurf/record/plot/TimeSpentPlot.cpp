@@ -51,8 +51,7 @@ TimeSpentPlot::TimeSpentPlot(const Recording& recording, const std::string& labe
              " spent over each cell"),
       subtitle_(subtitle(recording)),
       chart_(make_chart(surface_)),
-      seconds_(static_cast<std::size_t>(make_plot_grid(surface_).columns) *
-               static_cast<std::size_t>(make_plot_grid(surface_).rows)) {
+      seconds_(make_plot_grid(surface_).columns * make_plot_grid(surface_).rows) {
   std::vector<bool> included;
   std::vector<std::string> labels;
   for (const scene::ObjectSpec& object : recording.spec().objects) {

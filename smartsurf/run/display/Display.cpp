@@ -161,7 +161,7 @@ void Display::refresh(const simulation::Simulation& simulation, const DisplaySta
 void Display::apply_commands(const view::Commands& commands, DisplayRequests& requests) {
   const std::size_t last = history_.size() > 0 ? history_.size() - 1 : 0;
   const auto show_history_frame = [&](std::ptrdiff_t at) {
-    const auto frame = static_cast<std::size_t>(std::max<std::ptrdiff_t>(at, 0));
+    const std::size_t frame = std::max<std::ptrdiff_t>(at, 0);
     history_index_ = frame < last ? std::optional(frame) : std::nullopt;
     requests.paused = true;
   };
@@ -170,9 +170,8 @@ void Display::apply_commands(const view::Commands& commands, DisplayRequests& re
     history_index_.reset();
   }
   if (commands.seek_time_s && history_.size() > 0)
-    show_history_frame(
-        static_cast<std::ptrdiff_t>(history_.frame_at(*commands.seek_time_s) - history_.begin()));
-  if (commands.seek) show_history_frame(static_cast<std::ptrdiff_t>(*commands.seek));
+    show_history_frame(history_.frame_at(*commands.seek_time_s) - history_.begin());
+  if (commands.seek) show_history_frame(*commands.seek);
   if (commands.steps < 0 || (commands.steps > 0 && history_index_))
     show_history_frame(static_cast<std::ptrdiff_t>(history_index_.value_or(last)) + commands.steps);
   else if (commands.steps > 0 && !requests.paused)

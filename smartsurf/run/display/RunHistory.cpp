@@ -67,12 +67,11 @@ std::span<const float> RunHistory::channel(const Frame& frame, std::size_t index
 }
 
 double RunHistory::cell_value(const view::Signal& signal, const Frame& frame) const {
-  const auto index = static_cast<std::size_t>(
-      std::ranges::find(channels_, signal.quantity, &StoredChannel::name) - channels_.begin());
+  const std::size_t index =
+      std::ranges::find(channels_, signal.quantity, &StoredChannel::name) - channels_.begin();
   const std::span<const float> values =
       index < channels_.size() ? channel(frame, index) : std::span<const float>();
-  const auto cell = static_cast<std::size_t>(signal.row) * static_cast<std::size_t>(columns_) +
-                    static_cast<std::size_t>(signal.column);
+  const std::size_t cell = signal.row * columns_ + signal.column;
   return signal.column < columns_ && cell < values.size() ? double{values[cell]} : kMissing;
 }
 
@@ -89,7 +88,7 @@ double RunHistory::value(const view::Signal& signal, const Frame& frame) const {
     return frame.snapshot.contact_count;
   if (signal.quantity == "objects" && signal.kind == view::Signal::Kind::kRun)
     return static_cast<double>(frame.snapshot.object_count());
-  const auto index = static_cast<std::size_t>(std::ranges::find(signals_, signal) - signals_.begin());
+  const std::size_t index = std::ranges::find(signals_, signal) - signals_.begin();
   return index < frame.metrics.size() ? frame.metrics[index] : kMissing;
 }
 

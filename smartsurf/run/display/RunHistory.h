@@ -47,7 +47,7 @@ class RunHistory final : public view::History {
   std::vector<view::Signal> run_signals() const override;
 
  private:
-  const Frame& of(std::uint64_t frame) const { return at(static_cast<std::size_t>(frame - begin())); }
+  const Frame& of(std::uint64_t frame) const { return at(frame - begin()); }
   double value(const view::Signal& signal, const Frame& frame) const;
   double cell_value(const view::Signal& signal, const Frame& frame) const;
 

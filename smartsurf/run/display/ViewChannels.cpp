@@ -62,7 +62,7 @@ void ViewChannels::init_channels(const simulation::Simulation& simulation) {
     channels_.push_back(register_channel(name));
     ++register_count_;
   }
-  missing_.assign(static_cast<std::size_t>(surface.cell_count()), std::numeric_limits<float>::quiet_NaN());
+  missing_.assign(surface.cell_count(), std::numeric_limits<float>::quiet_NaN());
 }
 
 std::span<const view::Channel> ViewChannels::update(const simulation::Simulation& simulation) {
@@ -78,7 +78,7 @@ std::span<const view::Channel> ViewChannels::update(const simulation::Simulation
   std::size_t next = 1;
   for (const auto& group : {simulation.sensors(), simulation.actuators()})
     for (const scene::ChannelData& data : group) {
-      const std::size_t cells = data.values.size() / static_cast<std::size_t>(data.components);
+      const std::size_t cells = data.values.size() / data.components;
       for (int i = 0; i < data.components; ++i)
         channels_[next++].values = data.values.subspan(i * cells, cells);
     }

@@ -12,7 +12,7 @@ const std::vector<std::string> kCameras = {"top", "iso", "side"};
 const std::vector<std::string> kPalettes(view::kPaletteNames.begin(), view::kPaletteNames.end());
 
 std::size_t index_of(const std::vector<std::string>& names, const std::string& name) {
-  return static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+  return std::find(names.begin(), names.end(), name) - names.begin();
 }
 
 const std::vector<std::string> kStages(view::kStageNames.begin(), view::kStageNames.end());

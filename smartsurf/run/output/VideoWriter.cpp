@@ -36,11 +36,7 @@ struct VideoWriter::Frame {
 
 VideoWriter::VideoWriter(std::unique_ptr<common::VideoEncoder> encoder, const scene::SceneSpec& scene,
                          view::Detail detail, common::PixelSize size, int threads)
-    : encoder_(std::move(encoder)),
-      scene_(scene),
-      detail_(detail),
-      size_(size),
-      most_waiting_(2 * static_cast<std::size_t>(threads)) {
+    : encoder_(std::move(encoder)), scene_(scene), detail_(detail), size_(size), most_waiting_(2 * threads) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { draw_frames(); });
 }
 

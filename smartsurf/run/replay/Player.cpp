@@ -9,7 +9,7 @@ Player::Player(const std::vector<double>& frame_times, double pace)
 
 std::size_t Player::frame() const {
   const auto after = std::upper_bound(frame_times_.begin(), frame_times_.end(), position_s_ + 1e-9);
-  return static_cast<std::size_t>(std::max<std::ptrdiff_t>(after - frame_times_.begin() - 1, 0));
+  return std::max<std::ptrdiff_t>(after - frame_times_.begin() - 1, 0);
 }
 
 void Player::apply(const view::Commands& commands) {
@@ -18,7 +18,7 @@ void Player::apply(const view::Commands& commands) {
     if (!paused_ && frame() + 1 == frame_times_.size()) position_s_ = frame_times_.front();
   }
   if (commands.pace) pace_ = *commands.pace;
-  if (commands.seek) seek(static_cast<std::ptrdiff_t>(*commands.seek));
+  if (commands.seek) seek(*commands.seek);
   if (commands.seek_time_s)
     seek(std::ranges::lower_bound(frame_times_, *commands.seek_time_s) - frame_times_.begin());
   if (commands.steps == 0) return;
@@ -31,14 +31,14 @@ void Player::advance(double wall_s) {
   if (pace_ > 0.0)
     position_s_ += wall_s * pace_;
   else
-    seek(static_cast<std::ptrdiff_t>(frame()) + 1);
+    seek(frame() + 1);
   if (position_s_ < frame_times_.back()) return;
   position_s_ = frame_times_.back();
   paused_ = true;
 }
 
 void Player::seek(std::ptrdiff_t frame) {
-  const auto last = static_cast<std::ptrdiff_t>(frame_times_.size()) - 1;
+  const std::ptrdiff_t last = std::ssize(frame_times_) - 1;
   position_s_ = frame_times_[std::clamp<std::ptrdiff_t>(frame, 0, last)];
 }
 

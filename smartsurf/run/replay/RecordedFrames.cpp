@@ -26,7 +26,7 @@ RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(
 
 // A channel with several components is one for each.
 void RecordedFrames::add_channels(const char* group, const std::string& prefix) {
-  const auto cells = static_cast<std::size_t>(recording_.spec().surface.cell_count());
+  const std::size_t cells = recording_.spec().surface.cell_count();
   for (const std::string& name : recording_.channel_names(group)) {
     const std::size_t numbers =
         recording_.frames() > 0 ? recording_.read_channel(group, name, 0).size() : cells;
@@ -52,7 +52,7 @@ void RecordedFrames::load(std::size_t frame) {
   loaded_frame_ = frame;
   snapshot_ = recording_.read_snapshot(frame);
   const scene::SurfaceSpec& surface = recording_.spec().surface;
-  const auto cells = static_cast<std::size_t>(surface.cell_count());
+  const std::size_t cells = surface.cell_count();
   channels_[0].values = snapshot_.height;
   values_.resize(sources_.size());
   std::vector<float> numbers;  // rows × columns × components
@@ -62,13 +62,13 @@ void RecordedFrames::load(std::size_t frame) {
     const std::size_t components = std::max<std::size_t>(1, numbers.size() / std::max<std::size_t>(cells, 1));
     values_[i].resize(cells);
     for (std::size_t cell = 0; cell < cells && (cell + 1) * components <= numbers.size(); ++cell)
-      values_[i][cell] = numbers[cell * components + static_cast<std::size_t>(source.component)];
+      values_[i][cell] = numbers[cell * components + source.component];
     channels_[1 + i].values = values_[i];
   }
 }
 
 const scene::Snapshot& RecordedFrames::snapshot(std::uint64_t frame) const {
-  past_snapshot_ = recording_.read_snapshot(static_cast<std::size_t>(frame));
+  past_snapshot_ = recording_.read_snapshot(frame);
   return past_snapshot_;
 }
 
@@ -83,8 +83,8 @@ std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
           .curves[0]
           .values;
     case view::Signal::Kind::kCell: {
-      const auto index = static_cast<std::size_t>(
-          std::ranges::find(channels_, signal.quantity, &view::Channel::name) - channels_.begin());
+      const std::size_t index =
+          std::ranges::find(channels_, signal.quantity, &view::Channel::name) - channels_.begin();
       if (index == 0)
         return record::time_series(recording_, "height",
                                    {std::to_string(signal.row) + "," + std::to_string(signal.column)})

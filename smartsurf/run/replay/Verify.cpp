@@ -191,8 +191,7 @@ std::optional<std::string> find_height_difference(const scene::Snapshot& recorde
                                                   const scene::Snapshot& replayed, int columns) {
   for (std::size_t i = 0; i < recorded.height.size() && i < replayed.height.size(); ++i)
     if (std::bit_cast<std::uint32_t>(recorded.height[i]) != std::bit_cast<std::uint32_t>(replayed.height[i]))
-      return fmt::format("pin row {}, column {}: height {} recorded, {} now",
-                         i / static_cast<std::size_t>(columns), i % static_cast<std::size_t>(columns),
+      return fmt::format("pin row {}, column {}: height {} recorded, {} now", i / columns, i % columns,
                          recorded.height[i], replayed.height[i]);
   return std::nullopt;
 }

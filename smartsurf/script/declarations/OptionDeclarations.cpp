@@ -164,7 +164,7 @@ scene::Variation check_variation(const ScriptContext& context, lua_State* L, con
   const std::string name = "vary." + nuisance,
                     requirement = "{low, high} or {low, high, 'factor' or 'offset'}";
   const int table = lua_gettop(L);
-  const auto size = static_cast<std::size_t>(lua_istable(L, table) ? lua_rawlen(L, table) : 0);
+  const std::size_t size = lua_istable(L, table) ? lua_rawlen(L, table) : 0;
   if (size != 2 && size != 3) throw_invalid_value(L, table, name, requirement);
   for (lua_pushnil(L); lua_next(L, table) != 0; lua_pop(L, 1))
     if (lua_isinteger(L, -2) == 0) throw_invalid_value(L, table, name, requirement);

@@ -27,10 +27,9 @@ PatternMatcher make_matcher(Sandbox& sandbox, lua_State* L, std::string_view sub
 // The index of argument `index`, from 1 or, if negative, from the end, as one from 0; at most length + 1.
 std::size_t start_index(lua_State* L, int index, std::size_t length) {
   const lua_Integer start = luaL_optinteger(L, index, 1);
-  if (start > 0)
-    return static_cast<std::size_t>(std::min<lua_Unsigned>(static_cast<lua_Unsigned>(start) - 1, length + 1));
+  if (start > 0) return std::min<lua_Unsigned>(static_cast<lua_Unsigned>(start) - 1, length + 1);
   if (start == 0 || start < -static_cast<lua_Integer>(length)) return 0;
-  return length - static_cast<std::size_t>(-start);
+  return length - -start;
 }
 
 // Pushes capture `i` of the match [begin, end); without captures, the whole match is the first.
@@ -71,9 +70,7 @@ int find_or_match(Sandbox& sandbox, lua_State* L, bool find) {
     // memmem() takes linear time, unlike std::string_view::find().
     const std::string_view rest = subject.substr(start);
     const void* const at = ::memmem(rest.data(), rest.size(), pattern.data(), pattern.size());
-    const std::size_t found = at == nullptr
-                                  ? subject.npos
-                                  : static_cast<std::size_t>(static_cast<const char*>(at) - subject.data());
+    const std::size_t found = at == nullptr ? subject.npos : static_cast<const char*>(at) - subject.data();
     const std::size_t scanned = at == nullptr ? rest.size() : found - start;
     sandbox.interpreter->charge(L, (scanned + pattern.size()) / kBytesPerInstruction);
     if (found == subject.npos) {
@@ -110,7 +107,7 @@ int next_match(Sandbox& sandbox, lua_State* L) {
                          pattern = check_text(L, lua_upvalueindex(2));
   const lua_Integer last = lua_tointeger(L, lua_upvalueindex(4));
   PatternMatcher matcher = make_matcher(sandbox, L, subject, pattern);
-  for (auto s = static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(3))); s <= subject.size(); ++s) {
+  for (std::size_t s = lua_tointeger(L, lua_upvalueindex(3)); s <= subject.size(); ++s) {
     const std::optional<std::size_t> end = matcher.match_at(s);
     if (!end || static_cast<lua_Integer>(*end) == last) continue;
     lua_pushinteger(L, static_cast<lua_Integer>(*end));
@@ -155,7 +152,7 @@ void append_expanded(lua_State* L, std::string& result, const PatternMatcher& ma
     } else if (c == '0') {
       append_within_limit(result, subject.substr(begin, end - begin));
     } else if (c >= '1' && c <= '9') {
-      push_capture(L, matcher, static_cast<std::size_t>(c - '1'), subject, begin, end);
+      push_capture(L, matcher, c - '1', subject, begin, end);
       std::size_t length = 0;
       const char* const capture = luaL_tolstring(L, -1, &length);
       append_within_limit(result, {capture, length});
@@ -237,14 +234,12 @@ int gsub(Sandbox& sandbox, lua_State* L) {
 
 void bind_pattern_functions(lua_State* L) {
   lua_getglobal(L, LUA_STRLIBNAME);
-  lua_pushcfunction(L, guarded<find>);
-  lua_setfield(L, -2, "find");
-  lua_pushcfunction(L, guarded<match>);
-  lua_setfield(L, -2, "match");
-  lua_pushcfunction(L, guarded<gmatch>);
-  lua_setfield(L, -2, "gmatch");
-  lua_pushcfunction(L, guarded<gsub>);
-  lua_setfield(L, -2, "gsub");
+  static constexpr luaL_Reg kFunctions[] = {{"find", guarded<find>},
+                                            {"match", guarded<match>},
+                                            {"gmatch", guarded<gmatch>},
+                                            {"gsub", guarded<gsub>},
+                                            {nullptr, nullptr}};
+  luaL_setfuncs(L, kFunctions, 0);
   lua_pop(L, 1);
 }
 

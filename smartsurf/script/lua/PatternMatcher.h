@@ -43,7 +43,7 @@ class PatternMatcher {
  private:
   static constexpr int kMaxDepth = 200;
   static constexpr std::size_t kReportInterval = 1024;
-  static constexpr std::size_t kNoMatch = static_cast<std::size_t>(-1);
+  static constexpr std::size_t kNoMatch = -1;
 
   std::size_t match(std::size_t s, std::size_t p);
   std::size_t match_rest(std::size_t s, std::size_t p);

@@ -11,9 +11,7 @@ struct CellRun {
   int begin = 0, end = 0;
 };
 
-inline std::size_t length_of(const CellRun& cells) {
-  return static_cast<std::size_t>(cells.end - cells.begin);
-}
+inline std::size_t length_of(const CellRun& cells) { return cells.end - cells.begin; }
 // The cells of both; none if its end is not after its begin.
 inline CellRun common_cells(const CellRun& a, const CellRun& b) {
   return {std::max(a.begin, b.begin), std::min(a.end, b.end)};

@@ -92,7 +92,7 @@ bool update_targets_for_target(std::span<const CellRun> runs, const float* base,
     const std::size_t n = length_of(run);
     with_vectors_for(n, [&](auto d) HWY_ATTR {
       for_each_vector(d, n, [&](std::size_t k, auto) HWY_ATTR {
-        const std::size_t i = static_cast<std::size_t>(run.begin) + k;
+        const std::size_t i = run.begin + k;
         const auto next_target = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
         changed |= !hn::AllTrue(d, hn::Eq(next_target, hn::LoadU(d, target + i)));
         hn::StoreU(next_target, d, target + i);

@@ -101,7 +101,7 @@ void RayCaster::build_pin_intervals(const Field& field) {
           pin_intervals_.push_back({cell, t.t_enter, t.t_exit});
       }
     }
-    std::stable_sort(pin_intervals_.begin() + static_cast<std::ptrdiff_t>(begin), pin_intervals_.end(),
+    std::stable_sort(pin_intervals_.begin() + begin, pin_intervals_.end(),
                      [](const PinInterval& a, const PinInterval& b) { return a.t_enter < b.t_enter; });
     first_pin_interval_.push_back(static_cast<int>(pin_intervals_.size()));
   }

@@ -3,21 +3,6 @@
 #include "smartsurf/view/gl/Layers.h"
 
 namespace smartsurf::view {
-namespace {
-
-void set_vertex_attribute(GLuint location, GLint size, std::size_t first) {
-  glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, 7 * static_cast<int>(sizeof(float)),
-                        reinterpret_cast<const void*>(first * sizeof(float)));
-}
-
-template <class T>
-void upload_buffer(GLenum target, GLuint buffer, const std::vector<T>& values, GLenum usage) {
-  glBindBuffer(target, buffer);
-  glBufferData(target, static_cast<GLsizeiptr>(values.size() * sizeof(T)), values.data(), usage);
-}
-
-}  // namespace
 
 ActuatorLayer::ActuatorLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass) : geometry_(surface) {
   if (geometry_.meshes().empty()) return;
@@ -28,11 +13,11 @@ ActuatorLayer::ActuatorLayer(const scene::SurfaceSpec& surface, RenderPass colou
   for (const InstancedMesh& mesh : geometry_.meshes()) {
     MeshBuffers buffers{make_vertex_array(), make_buffer(), make_buffer(), make_buffer()};
     glBindVertexArray(buffers.vertex_array.id());
-    upload_buffer(GL_ARRAY_BUFFER, buffers.vertex_buffer.id(), mesh.mesh.vertices, GL_STATIC_DRAW);
-    set_vertex_attribute(0, 3, 0);
-    set_vertex_attribute(1, 3, 3);
-    set_vertex_attribute(2, 1, 6);
-    upload_buffer(GL_ELEMENT_ARRAY_BUFFER, buffers.index_buffer.id(), mesh.mesh.indices, GL_STATIC_DRAW);
+    upload_buffer(GL_ARRAY_BUFFER, buffers.vertex_buffer, mesh.mesh.vertices, GL_STATIC_DRAW);
+    set_vertex_attribute(0, 3, 7, 0);
+    set_vertex_attribute(1, 3, 7, 3);
+    set_vertex_attribute(2, 1, 7, 6);
+    upload_buffer(GL_ELEMENT_ARRAY_BUFFER, buffers.index_buffer, mesh.mesh.indices, GL_STATIC_DRAW);
     glBindBuffer(GL_ARRAY_BUFFER, buffers.instance_buffer.id());
     set_instance_attribute<MeshInstance>(3, 3, GL_FLOAT, offsetof(MeshInstance, x));
     set_instance_attribute<MeshInstance>(4, 3, GL_FLOAT, offsetof(MeshInstance, y));
@@ -50,9 +35,9 @@ std::span<const float> ActuatorLayer::upload(const scene::Snapshot& snapshot) {
   geometry_.update(snapshot);
   for (std::size_t k = 0; k < buffers_.size(); ++k) {
     const InstancedMesh& mesh = geometry_.meshes()[k];
-    upload_buffer(GL_ARRAY_BUFFER, buffers_[k].instance_buffer.id(), mesh.instances, GL_STREAM_DRAW);
+    upload_buffer(GL_ARRAY_BUFFER, buffers_[k].instance_buffer, mesh.instances, GL_STREAM_DRAW);
     if (mesh.deforms)
-      upload_buffer(GL_ARRAY_BUFFER, buffers_[k].vertex_buffer.id(), mesh.mesh.vertices, GL_STREAM_DRAW);
+      upload_buffer(GL_ARRAY_BUFFER, buffers_[k].vertex_buffer, mesh.mesh.vertices, GL_STREAM_DRAW);
   }
   return geometry_.recess();
 }

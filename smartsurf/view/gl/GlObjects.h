@@ -5,6 +5,7 @@
 #include <epoxy/gl.h>
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -62,6 +63,21 @@ inline Sampler make_sampler() { return make<Sampler>(glGenSamplers); }
 // occlusion.
 inline void blend_over() {
   glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ZERO, GL_ONE_MINUS_SRC_ALPHA);
+}
+
+// Binds the buffer and fills it.
+template <class Values>
+void upload_buffer(GLenum target, const Buffer& buffer, const Values& values, GLenum usage) {
+  const std::span all(values);
+  glBindBuffer(target, buffer.id());
+  glBufferData(target, all.size_bytes(), all.data(), usage);
+}
+
+// Declares an attribute of `size` floats of the bound buffer, from the number `first` of each vertex.
+inline void set_vertex_attribute(GLuint location, GLint size, int floats_per_vertex, std::size_t first) {
+  glEnableVertexAttribArray(location);
+  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, floats_per_vertex * sizeof(float),
+                        reinterpret_cast<const void*>(first * sizeof(float)));
 }
 
 // Declares an attribute of `size` components of the bound buffer, which holds one Instance for each instance

@@ -36,12 +36,10 @@ GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pa
     unshadowed_program_ = link_program("unshadowed ground", unshadowed.vertex, unshadowed.fragment);
   }
   glBindVertexArray(vertex_array_.id());
-  glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer_.id());
-  glBufferData(GL_ARRAY_BUFFER, sizeof(kGroundVertices), kGroundVertices, GL_STATIC_DRAW);
+  upload_buffer(GL_ARRAY_BUFFER, vertex_buffer_, kGroundVertices, GL_STATIC_DRAW);
   glEnableVertexAttribArray(0);
   glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, 0, nullptr);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_.id());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, sizeof(kGroundIndices), kGroundIndices, GL_STATIC_DRAW);
+  upload_buffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_, kGroundIndices, GL_STATIC_DRAW);
   glBindVertexArray(0);
 }
 

@@ -91,7 +91,9 @@ class ObjectLayer {
                   const std::vector<float>& wireframe);
   template <class Action>
   void for_each_batch(Action action) const;
+  ShapeBatch& batch_of(scene::ShapeKind shape) { return batches_[static_cast<std::size_t>(shape)]; }
 
+  static constexpr auto kBoxes = static_cast<std::size_t>(scene::ShapeKind::kBox);
   Programs sphere_, mesh_, capsule_;
   std::array<ShapeBatch, 5> batches_;  // indexed by ShapeKind, without kSolid
   // In the order of first use.

@@ -16,8 +16,7 @@ LineLayer::LineLayer() : vertex_array_(make_vertex_array()), instance_buffer_(ma
 
 void LineLayer::upload(std::span<const Line> lines) {
   line_count_ = static_cast<GLsizei>(lines.size());
-  glBindBuffer(GL_ARRAY_BUFFER, instance_buffer_.id());
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(lines.size_bytes()), lines.data(), GL_STREAM_DRAW);
+  upload_buffer(GL_ARRAY_BUFFER, instance_buffer_, lines, GL_STREAM_DRAW);
 }
 
 void LineLayer::draw(float width, int viewport_width, int viewport_height) const {

@@ -9,22 +9,9 @@ namespace {
 
 using scene::ShapeKind;
 
-void set_vertex_attribute(GLuint location, GLint size, int floats_per_vertex, std::size_t first) {
-  glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE,
-                        floats_per_vertex * static_cast<int>(sizeof(float)),
-                        reinterpret_cast<const void*>(first * sizeof(float)));
-}
-
-void upload_buffer(GLuint buffer, const std::vector<float>& floats) {
-  glBindBuffer(GL_ARRAY_BUFFER, buffer);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(floats.size() * sizeof(float)), floats.data(),
-               GL_STATIC_DRAW);
-}
-
 // OpenGL 3.3 has no base instance, so the attribute offsets select the first instance.
 void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
-  const std::size_t start = static_cast<std::size_t>(first) * sizeof(ObjectInstance);
+  const std::size_t start = first * sizeof(ObjectInstance);
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
   set_instance_attribute<ObjectInstance>(1, 3, GL_FLOAT, start + offsetof(ObjectInstance, centre));
   set_instance_attribute<ObjectInstance>(2, 3, GL_FLOAT, start + offsetof(ObjectInstance, half_extent));
@@ -53,10 +40,9 @@ ObjectLayer::ObjectLayer(RenderPass colour_pass) {
                 wireframe_shaders(true));
   const auto init = [this](ShapeKind shape, const Programs& programs, const Mesh& mesh,
                            const std::vector<float>& wireframe) {
-    init_batch(batches_[static_cast<std::size_t>(shape)], programs, 6, mesh.vertices, mesh.indices,
-               wireframe);
+    init_batch(batch_of(shape), programs, 6, mesh.vertices, mesh.indices, wireframe);
   };
-  init_batch(batches_[0], sphere_, 2, circumscribed_octagon(),
+  init_batch(batch_of(ShapeKind::kSphere), sphere_, 2, circumscribed_octagon(),
              {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 7}, sphere_wireframe());
   init(ShapeKind::kBox, mesh_, box_mesh(), box_wireframe());
   init(ShapeKind::kCylinder, mesh_, cylinder_mesh(segments), cylinder_wireframe());
@@ -84,15 +70,13 @@ void ObjectLayer::init_batch(ShapeBatch& batch, const Programs& programs, int fl
   batch.index_count = static_cast<GLsizei>(triangles.size());
   batch.wireframe_vertex_count = static_cast<GLsizei>(wireframe.size()) / 3;
   glBindVertexArray(batch.vertex_array.id());
-  upload_buffer(batch.vertex_buffer.id(), mesh);
+  upload_buffer(GL_ARRAY_BUFFER, batch.vertex_buffer, mesh, GL_STATIC_DRAW);
   set_vertex_attribute(0, floats_per_vertex == 2 ? 2 : 3, floats_per_vertex, 0);
   if (floats_per_vertex == 6) set_vertex_attribute(5, 3, floats_per_vertex, 3);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, batch.index_buffer.id());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(std::uint32_t)),
-               triangles.data(), GL_STATIC_DRAW);
+  upload_buffer(GL_ELEMENT_ARRAY_BUFFER, batch.index_buffer, triangles, GL_STATIC_DRAW);
   bind_instance_attributes(batch.instance_buffer.id());
   glBindVertexArray(batch.wireframe_vertex_array.id());
-  upload_buffer(batch.wireframe_buffer.id(), wireframe);
+  upload_buffer(GL_ARRAY_BUFFER, batch.wireframe_buffer, wireframe, GL_STATIC_DRAW);
   set_vertex_attribute(0, 3, 3, 0);
   bind_instance_attributes(batch.instance_buffer.id());
   glBindVertexArray(0);
@@ -105,7 +89,7 @@ void ObjectLayer::clear_instances() {
 
 void ObjectLayer::add(const scene::ObjectSpec& object, ObjectInstance instance) {
   if (object.shape != ShapeKind::kSolid) {
-    batches_[static_cast<std::size_t>(object.shape)].instances.push_back(instance);
+    batch_of(object.shape).instances.push_back(instance);
     return;
   }
   if (!object.solid) return;
@@ -120,17 +104,13 @@ void ObjectLayer::add(const scene::ObjectSpec& object, ObjectInstance instance) 
   batch->second.instances.push_back(instance);
 }
 
-void ObjectLayer::add_box(const ObjectInstance& instance) {
-  batches_[static_cast<std::size_t>(ShapeKind::kBox)].instances.push_back(instance);
-}
+void ObjectLayer::add_box(const ObjectInstance& instance) { batches_[kBoxes].instances.push_back(instance); }
 
 void ObjectLayer::upload() {
   const auto upload_batch = [](ShapeBatch& batch) {
     batch.instance_count = static_cast<GLsizei>(batch.instances.size());
     if (batch.instance_count == 0) return;
-    glBindBuffer(GL_ARRAY_BUFFER, batch.instance_buffer.id());
-    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(batch.instances.size() * sizeof(ObjectInstance)),
-                 batch.instances.data(), GL_STREAM_DRAW);
+    upload_buffer(GL_ARRAY_BUFFER, batch.instance_buffer, batch.instances, GL_STREAM_DRAW);
   };
   for (ShapeBatch& batch : batches_) upload_batch(batch);
   for (auto& [solid, batch] : solid_batches_) upload_batch(batch);
@@ -152,7 +132,7 @@ void ObjectLayer::draw(RenderPass pass) const {
 }
 
 void ObjectLayer::draw_static_boxes(RenderPass pass, GLsizei static_boxes) const {
-  const ShapeBatch& boxes = batches_[static_cast<std::size_t>(ShapeKind::kBox)];
+  const ShapeBatch& boxes = batches_[kBoxes];
   glUseProgram(pass == RenderPass::kShadow ? boxes.programs->shadow.id() : boxes.programs->colour.id());
   glBindVertexArray(boxes.vertex_array.id());
   glDrawElementsInstanced(GL_TRIANGLES, boxes.index_count, GL_UNSIGNED_INT, nullptr, static_boxes);
@@ -164,7 +144,7 @@ void ObjectLayer::draw_wireframes(float line_width, GLsizei static_boxes) const 
   const auto draw_pass = [&](float width, float is_halo) {
     glLineWidth(std::min(width, widths[1]));
     for_each_batch([&](const ShapeBatch& batch) {
-      const GLsizei first = &batch == &batches_[static_cast<std::size_t>(ShapeKind::kBox)] ? static_boxes : 0;
+      const GLsizei first = &batch == &batches_[kBoxes] ? static_boxes : 0;
       if (batch.instance_count <= first) return;
       const GLuint program = batch.programs->wireframe.id();
       glUseProgram(program);

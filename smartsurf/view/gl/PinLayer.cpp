@@ -64,21 +64,17 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
                closed_colour = pin_shaders(colour_pass, true);
     closed_shadow_ = link_program("pin shadow, closed", closed_shadow.vertex, closed_shadow.fragment);
     closed_colour_ = link_program("pin, closed", closed_colour.vertex, closed_colour.fragment);
-    visible_indices_.reserve(static_cast<std::size_t>(s.cell_count()) * kIndicesPerPin);
+    visible_indices_.reserve(s.cell_count() * kIndicesPerPin);
   }
-  const std::vector<GLuint> triangles =
-      make_pin_indices(static_cast<std::size_t>(s.cell_count() * prisms_per_cell(s)));
+  const std::vector<GLuint> triangles = make_pin_indices(s.cell_count() * prisms_per_cell(s));
   glBindVertexArray(vertex_array_.id());
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_.id());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(GLuint)),
-               triangles.data(), GL_STATIC_DRAW);
+  upload_buffer(GL_ELEMENT_ARRAY_BUFFER, index_buffer_, triangles, GL_STATIC_DRAW);
   glBindVertexArray(0);
 }
 
 void PinLayer::upload(std::span<const PinInstance> pins) {
   pins_ = pins;
-  glBindBuffer(GL_TEXTURE_BUFFER, pin_buffer_.id());
-  glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(pins.size_bytes()), pins.data(), GL_STREAM_DRAW);
+  upload_buffer(GL_TEXTURE_BUFFER, pin_buffer_, pins, GL_STREAM_DRAW);
 }
 
 void PinLayer::draw(RenderPass pass) const {
@@ -102,9 +98,7 @@ void PinLayer::draw_closed_gaps(RenderPass pass, const EyePosition& eye) {
       append_face(visible_indices_, i, 2);
   }
   glBindVertexArray(vertex_array_.id());
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, visible_index_buffer_.id());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(visible_indices_.size() * sizeof(GLuint)),
-               visible_indices_.data(), GL_STREAM_DRAW);
+  upload_buffer(GL_ELEMENT_ARRAY_BUFFER, visible_index_buffer_, visible_indices_, GL_STREAM_DRAW);
   draw(pass == RenderPass::kShadow ? closed_shadow_ : closed_colour_, visible_index_buffer_.id(),
        static_cast<GLsizei>(visible_indices_.size()));
 }

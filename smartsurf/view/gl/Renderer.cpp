@@ -321,7 +321,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
                     const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width,
                     int height) {
   State& s = *state_;
-  assert(snapshot.height.size() == static_cast<std::size_t>(s.spec.surface.cell_count()));
+  assert(std::ssize(snapshot.height) == s.spec.surface.cell_count());
   assert(options.cell_values.empty() || options.cell_values.size() == snapshot.height.size());
   const int supersample = s.quality.supersample;
   s.distant = is_distant(s.spec.surface, camera, height * supersample);

@@ -132,8 +132,7 @@ ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
     for (int row = 0; row < surface.rows; ++row)
       for (int column = 0; column < surface.columns; ++column) {
         const int cell = surface.index(row, column);
-        const std::size_t actuator =
-            surface.actuator_of_cell.empty() ? 0 : static_cast<std::size_t>(surface.actuator_of_cell[cell]);
+        const std::size_t actuator = surface.actuator_of_cell.empty() ? 0 : surface.actuator_of_cell[cell];
         if (actuator != m || surface.is_empty(row, column)) continue;
         if (surface.border_height && surface.is_border(row, column)) continue;
         cells_.push_back(cell);
@@ -199,7 +198,7 @@ void ActuatorGeometry::add_skin() {
 // Lowers the drawn tops slightly, so that they do not show through the skin where it bends off their edges.
 void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
   const scene::SkinSpec& skin = *surface_.skin;
-  if (snapshot.skin_height.size() != static_cast<std::size_t>(skin.rows * skin.columns)) return;
+  if (std::ssize(snapshot.skin_height) != skin.rows * skin.columns) return;
   const float clearance = 0.02F * static_cast<float>(surface_.pitch);
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column) {
@@ -223,8 +222,7 @@ void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
   added.instances.push_back(
       make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSkin), to_linear_rgba8(kRubber)));
   const auto vertex = [&](int r, int c) {
-    return 7 * static_cast<std::size_t>(std::clamp(r, 0, skin.rows - 1) * skin.columns +
-                                        std::clamp(c, 0, skin.columns - 1));
+    return 7 * (std::clamp(r, 0, skin.rows - 1) * skin.columns + std::clamp(c, 0, skin.columns - 1));
   };
   for (std::size_t i = 0; i < snapshot.skin_height.size(); ++i) vertices[7 * i + 2] = snapshot.skin_height[i];
   const auto slope = [&vertices](std::size_t from, std::size_t to, std::size_t axis) {

@@ -1,23 +1,18 @@
 #include "smartsurf/view/model/EntityList.h"
 
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <optional>
+
+#include "common/text/Words.h"
 
 namespace smartsurf::view {
 namespace {
 
-std::string lower_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return result;
-}
-
 std::vector<std::string> words_of(std::string_view query) {
   std::vector<std::string> words;
   std::string word;
-  for (const char c : lower_case(query) + " ") {
+  for (const char c : common::lower_case(std::string(query)) + " ") {
     if (c != ' ') {
       word += c;
     } else if (!word.empty()) {
@@ -29,7 +24,7 @@ std::vector<std::string> words_of(std::string_view query) {
 }
 
 bool matches(const std::string& name, const std::vector<std::string>& words) {
-  const std::string text = lower_case(name);
+  const std::string text = common::lower_case(name);
   return std::ranges::all_of(words, [&](const std::string& word) { return text.find(word) != text.npos; });
 }
 

@@ -45,7 +45,7 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
       colour_tables_(make_colour_tables()),
       sky_visibility_(surface.cell_count()),
       prisms_(prisms_per_cell(surface)),
-      pins_(static_cast<std::size_t>(prisms_ * surface.cell_count())) {}
+      pins_(prisms_ * surface.cell_count()) {}
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;

@@ -41,7 +41,7 @@ void PlotData::update(const History& history) {
   if (history.end() < end_ || history.begin() > end_ || history.begin() < begin_) invalidate();
   if (times_.empty()) begin_ = end_ = history.begin();
   const auto dropped = static_cast<std::ptrdiff_t>(history.begin() - begin_);
-  const auto count = static_cast<std::size_t>(history.end() - history.begin());
+  const std::size_t count = history.end() - history.begin();
   const auto drop_and_extend = [&](std::vector<double>& values) {
     values.erase(values.begin(), values.begin() + std::min<std::ptrdiff_t>(dropped, std::ssize(values)));
     const std::size_t old_count = values.size();
@@ -106,8 +106,8 @@ std::vector<CurvePoint> reduce_curve(std::span<const double> times, std::span<co
     return std::floor((time_s - from) / std::max(to - from, 1e-12) * columns);
   };
   // One sample more on either side, so that the curve reaches the edges.
-  auto first = static_cast<std::size_t>(std::ranges::lower_bound(times, from) - times.begin());
-  auto last = static_cast<std::size_t>(std::ranges::upper_bound(times, to) - times.begin());
+  std::size_t first = std::ranges::lower_bound(times, from) - times.begin();
+  std::size_t last = std::ranges::upper_bound(times, to) - times.begin();
   first -= first > 0 ? 1 : 0;
   last += last < times.size() ? 1 : 0;
   for (std::size_t i = first; i < last;) {

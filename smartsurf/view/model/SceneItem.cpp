@@ -7,7 +7,7 @@ namespace smartsurf::view {
 std::optional<std::size_t> find_object_index(const scene::Snapshot& snapshot, scene::ObjectId id) {
   const auto found = std::lower_bound(snapshot.id.begin(), snapshot.id.end(), id);
   if (found == snapshot.id.end() || *found != id) return std::nullopt;
-  return static_cast<std::size_t>(found - snapshot.id.begin());
+  return found - snapshot.id.begin();
 }
 
 }  // namespace smartsurf::view

@@ -51,7 +51,7 @@ const StageLight& stage_light(Stage stage) { return kStages[static_cast<int>(sta
 Eigen::Vector3d towards_sun() { return Eigen::Vector3d(-0.52, -0.30, 0.80).normalized(); }
 
 const Finish& finish_of(const scene::SceneSpec& scene, const scene::ObjectSpec& object) {
-  const auto material = static_cast<std::size_t>(object.material);
+  const std::size_t material = object.material;
   return kFinishes[material < scene.materials.size() ? scene.materials[material].look : 0];
 }
 

@@ -13,7 +13,7 @@ RangeImage capture_range(const scene::SurfaceSpec& surface, const FrameInput& in
   if (width < 1 || height < 1 || width > kMaxPixels || height > kMaxPixels)
     throw scene::InputError("picture of " + std::to_string(width) + " x " + std::to_string(height) +
                             " pixels: must be 1 to 8192 each");
-  const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  const auto count = width * height;
   RangeImage out{std::vector<float>(count, std::numeric_limits<float>::infinity()),
                  std::vector<std::int32_t>(count, -1)};
   const Camera::PixelRays rays = camera.rays(width, height);
@@ -22,8 +22,7 @@ RangeImage capture_range(const scene::SurfaceSpec& surface, const FrameInput& in
       const Ray ray = rays.at(x + 0.5, y + 0.5);
       const auto hit = pick(ray, surface, input);
       if (!hit) continue;
-      const auto i =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+      const auto i = y * width + x;
       out.depth[i] = static_cast<float>(hit->distance * ray.direction.dot(rays.forward));
       out.segmentation[i] = hit->item.kind == SceneItem::Kind::kObject
                                 ? static_cast<std::int32_t>(hit->item.object)

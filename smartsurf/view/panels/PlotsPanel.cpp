@@ -104,7 +104,7 @@ bool is_filled(const PlotData& data, std::size_t series) {
 std::size_t sample_at(const std::vector<double>& times, double time_s) {
   const auto next = std::ranges::lower_bound(times, time_s);
   if (next == times.end()) return times.size() - 1;
-  const auto i = static_cast<std::size_t>(next - times.begin());
+  const std::size_t i = next - times.begin();
   return i > 0 && time_s - times[i - 1] < times[i] - time_s ? i - 1 : i;
 }
 
@@ -228,8 +228,7 @@ void accept_dragged_signals(PlotData& plotted) {
   const ImGuiWindow* const window = ImGui::GetCurrentWindow();
   if (!ImGui::BeginDragDropTargetCustom(window->Rect(), window->ID)) return;
   if (const ImGuiPayload* const payload = ImGui::AcceptDragDropPayload(kPayload)) {
-    std::istringstream lines(
-        std::string(static_cast<const char*>(payload->Data), static_cast<std::size_t>(payload->DataSize)));
+    std::istringstream lines(std::string(static_cast<const char*>(payload->Data), payload->DataSize));
     for (std::string line; std::getline(lines, line);)
       if (const auto signal = parse_signal(line)) plotted.add(*signal);
   }

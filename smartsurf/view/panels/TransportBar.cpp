@@ -107,7 +107,7 @@ void draw_slider(const Timeline& timeline, Controls& controls, float right, floa
   int frame = static_cast<int>(timeline.current_frame);
   if (ImGui::SliderInt("##frame", &frame, 0, static_cast<int>(timeline.frame_count) - 1, "frame %d",
                        ImGuiSliderFlags_AlwaysClamp))
-    controls.seek(static_cast<std::size_t>(frame));
+    controls.seek(frame);
   const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
   ImGui::SameLine();
   ImGui::TextUnformatted(end_label);

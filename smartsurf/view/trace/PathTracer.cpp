@@ -270,11 +270,10 @@ TracedImage PathTracer::trace(const scene::Snapshot& snapshot,
   scene_.update(snapshot, catalogue, camera, options, light, lens.pixel_slope());
   const Environment environment(light);
   const std::array<double, 2> fading = fading_distances(spec_.surface, camera);
-  const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  const auto pixels = width * height;
   TracedImage image{width, height, std::vector<Vec>(pixels, Vec::Zero()), std::vector<float>(pixels)};
   const auto trace_pixel = [&](int x, int y) {
-    const std::size_t pixel =
-        static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+    const std::size_t pixel = y * width + x;
     float coverage = 0.0F;
     Vec sum = Vec::Zero();
     for (int i = 0; i < settings.samples; ++i) {
@@ -312,7 +311,7 @@ common::Image PathTracer::render(const scene::Snapshot& snapshot,
   common::Image image{width, height, {}};
   image.rgb.reserve(3 * traced.coverage.size());
   for (std::size_t pixel = 0; pixel < traced.coverage.size(); ++pixel) {
-    const auto row = static_cast<float>(pixel / static_cast<std::size_t>(width));
+    const auto row = static_cast<float>(pixel / width);
     const Vec backdrop = horizon + (zenith - horizon) * (1.0F - (row + 0.5F) / static_cast<float>(height));
     const Vec shown = backdrop + traced.coverage[pixel] * (to_screen(traced.radiance[pixel]) - backdrop);
     for (int c = 0; c < 3; ++c) image.rgb.push_back(to_byte(shown[c]));

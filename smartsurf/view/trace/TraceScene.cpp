@@ -157,8 +157,7 @@ RTCGeometry TraceScene::State::triangles(const float* vertices, std::size_t vert
   auto* const corners = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
       geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), indices.size() / 3));
   if (!positions || !corners) throw std::bad_alloc();
-  for (std::size_t i = 0; i < vertex_count; ++i)
-    std::copy_n(vertices + i * static_cast<std::size_t>(stride), 3, positions + 3 * i);
+  for (std::size_t i = 0; i < vertex_count; ++i) std::copy_n(vertices + i * stride, 3, positions + 3 * i);
   std::copy(indices.begin(), indices.end(), corners);
   return geometry;
 }
@@ -430,8 +429,7 @@ void TraceScene::State::read_placed(const Placed& placed, const RTCHit& hit, Sur
   Vec normal = Vec::Zero();
   float accent = 0.0F;
   for (std::size_t k = 0; k < 3; ++k) {
-    const float* const vertex =
-        &mesh.vertices[static_cast<std::size_t>(mesh.stride) * mesh.indices[3 * hit.primID + k]];
+    const float* const vertex = &mesh.vertices[mesh.stride * mesh.indices[3 * hit.primID + k]];
     normal += weights[k] * Vec(vertex[3], vertex[4], vertex[5]);
     if (mesh.stride > 6) accent += weights[k] * vertex[6];
   }

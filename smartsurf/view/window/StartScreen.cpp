@@ -8,10 +8,10 @@
 #include <imgui.h>
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <optional>
 
+#include "common/text/Words.h"
 #include "smartsurf/view/gl/GlObjects.h"
 #include "smartsurf/view/panels/Hud.h"
 #include "smartsurf/view/panels/Icons.h"
@@ -25,13 +25,6 @@ namespace fs = std::filesystem;
 
 constexpr double kIdleWait_s = 0.1;
 constexpr float kSideWidth = 330.0f;  // points at scale 1
-
-std::string lower(std::string text) {
-  std::ranges::transform(text, text.begin(), [](char c) {
-    return static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  });
-  return text;
-}
 
 class StartScreen {
  public:
@@ -160,7 +153,7 @@ class StartScreen {
         entries_.push_back(path);
     }
     std::ranges::sort(entries_, {}, [](const fs::path& path) {
-      return std::pair(path.has_filename(), lower(path.string()));
+      return std::pair(path.has_filename(), common::lower_case(path.string()));
     });
   }
 
@@ -169,7 +162,7 @@ class StartScreen {
     ImGui::SetNextItemWidth(std::min(300.0f * scale_, ImGui::GetContentRegionAvail().x));
     ImGui::InputTextWithHint("##search", "search the experiments", search_, sizeof search_);
     ImGui::BeginChild("tiles");
-    const std::string words = lower(search_);
+    const std::string words = common::lower_case(search_);
     const float tile = kTileWidth * scale_, gap = ImGui::GetStyle().ItemSpacing.x;
     const int columns =
         std::max(1, static_cast<int>((ImGui::GetContentRegionAvail().x + gap) / (tile + gap)));
@@ -177,7 +170,9 @@ class StartScreen {
     int column = 0;
     for (std::size_t i = 0; i < contents_.items.size(); ++i) {
       const GalleryItem& item = contents_.items[i];
-      if (lower(item.section + " " + item.title + " " + item.file).find(words) == std::string::npos) continue;
+      if (common::lower_case(item.section + " " + item.title + " " + item.file).find(words) ==
+          std::string::npos)
+        continue;
       if (item.section != section) {
         section = item.section;
         ImGui::Spacing();

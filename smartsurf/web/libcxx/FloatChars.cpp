@@ -40,7 +40,7 @@ std::string fixed(const Decimal& d, Number value) {
   }
   const int whole = d.count() + d.exponent;
   if (whole > 0) return d.digits.substr(0, whole) + "." + d.digits.substr(whole);
-  return "0." + std::string(static_cast<std::size_t>(-whole), '0') + d.digits;
+  return "0." + std::string(-whole, '0') + d.digits;
 }
 
 std::string scientific(const Decimal& d) {
@@ -74,7 +74,7 @@ std::to_chars_result write(char* first, char* last, Number value, Style style) {
     text += "inf";
   else
     text += format(std::abs(value), style);
-  if (static_cast<std::ptrdiff_t>(text.size()) > last - first) return {last, std::errc::value_too_large};
+  if (std::ssize(text) > last - first) return {last, std::errc::value_too_large};
   std::memcpy(first, text.data(), text.size());
   return {first + text.size(), std::errc()};
 }

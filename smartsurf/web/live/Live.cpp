@@ -89,7 +89,7 @@ void list_series() {
   const scene::SurfaceSpec& surface = live().environment->scene().surface;
   const auto& simulation = live().environment->simulation();
   const scene::Snapshot& snapshot = simulation.snapshot();
-  const auto cells = static_cast<std::size_t>(surface.cell_count());
+  const std::size_t cells = surface.cell_count();
   std::vector<Series>& series = live().series;
   series.clear();
   if (const std::size_t objects = simulation.catalogue().size(); objects > 0) {

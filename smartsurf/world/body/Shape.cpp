@@ -129,7 +129,7 @@ std::size_t LinearFunctions::argmax(const Vec3& p) const {
         std::max(std::max(best_lanes[0], best_lanes[1]), std::max(best_lanes[2], best_lanes[3]));
     if (!(group_max > max_value)) continue;
     max_value = group_max;
-    best = kBlockSize * group + static_cast<std::size_t>(std::bit_cast<std::int32_t>(group_max) & index_mask);
+    best = kBlockSize * group + (std::bit_cast<std::int32_t>(group_max) & index_mask);
   }
   return std::min(best, last_index_);
 }

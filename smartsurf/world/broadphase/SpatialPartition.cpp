@@ -11,7 +11,7 @@ constexpr int kMinLines = 24;                           // cut along y if there 
 }  // namespace
 
 void SpatialPartition::build(const UniformGrid& grid, int bodies) {
-  if (row_of_body_.size() != static_cast<std::size_t>(bodies)) row_of_body_.assign(bodies, 0);
+  if (std::ssize(row_of_body_) != bodies) row_of_body_.assign(bodies, 0);
   if (!first_row_.empty()) first_row_.back() -= added_rows_;
   added_rows_ = 0;
   // A single slab of the grid's bodies depends on their number only.
@@ -26,7 +26,7 @@ void SpatialPartition::build(const UniformGrid& grid, int bodies) {
   const int slabs = static_cast<int>(slab_edge_.size());  // one more for the large bodies
   body_run_.push_back({grid.sorted_count(), grid.sorted_count(), slabs - 1});
   group_body_runs(slabs);
-  first_row_.assign(static_cast<std::size_t>(slabs) + 1, 0);
+  first_row_.assign(slabs + 1, 0);
   for (const BodyRun& p : body_run_) first_row_[p.slab + 1] += p.end - p.begin;
   first_row_.back() += static_cast<std::int32_t>(grid.large_bodies().size());
   for (std::size_t s = 1; s < first_row_.size(); ++s) first_row_[s] += first_row_[s - 1];
@@ -101,7 +101,7 @@ void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
 
 // A counting sort of the body runs by slab.
 void SpatialPartition::group_body_runs(int slabs) {
-  first_run_of_slab_.assign(static_cast<std::size_t>(slabs) + 1, 0);
+  first_run_of_slab_.assign(slabs + 1, 0);
   for (const BodyRun& p : body_run_) ++first_run_of_slab_[p.slab + 1];
   for (std::size_t s = 1; s < first_run_of_slab_.size(); ++s)
     first_run_of_slab_[s] += first_run_of_slab_[s - 1];

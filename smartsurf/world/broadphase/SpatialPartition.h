@@ -23,8 +23,8 @@ struct SlabRanges {
 
   // The ranges of several slabs.
   std::span<const IndexRange> of(IndexRange slabs) const {
-    const auto begin = static_cast<std::size_t>(first_range[slabs.begin]);
-    const auto end = static_cast<std::size_t>(first_range[slabs.end]);
+    const std::size_t begin = first_range[slabs.begin];
+    const std::size_t end = first_range[slabs.end];
     return std::span(range).subspan(begin, end - begin);
   }
 };
@@ -68,7 +68,7 @@ class SpatialPartition {
   IndexRange rows_of(int slab) const { return {first_row_[slab], first_row_[slab + 1]}; }
   IndexRange rows_of(IndexRange slabs) const { return {first_row_[slabs.begin], first_row_[slabs.end]}; }
   IndexRange active_rows_of(int slab) const { return {first_row_[slab], active_end_[slab]}; }
-  std::size_t body(int row) const { return static_cast<std::size_t>(body_of_row_[row]); }
+  std::size_t body(int row) const { return body_of_row_[row]; }
   // The member's bodies as of the last assign_rows().
   std::span<const std::int32_t> bodies_of(const Member& member) const {
     const IndexRange rows = rows_of(share(member));

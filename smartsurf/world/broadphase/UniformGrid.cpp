@@ -147,7 +147,7 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   if (is_few_)
     rows_.clear();
   else if (is_dense_)
-    cell_start_.resize(static_cast<std::size_t>(cell_count_[0] * cell_count_[1] * cell_count_[2]) + 1);
+    cell_start_.resize(cell_count_[0] * cell_count_[1] * cell_count_[2] + 1);
   else
     keys_.resize(small), sorted_keys_.resize(small), rows_.reserve(small + 1);
   sorted_bodies_.resize(small);

@@ -27,8 +27,8 @@ int find_overlaps_for_target(const BoundingSpheres& s, int self, std::span<const
                  dz = hn::Sub(z, hn::LoadU(d, s.z + k)),
                  radius_sum = hn::Add(radius, hn::LoadU(d, s.radius + k));
       const auto distance_squared = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
-      const auto overlaps = hn::And(hn::Lt(distance_squared, hn::Mul(radius_sum, radius_sum)),
-                                    hn::FirstN(d, static_cast<std::size_t>(run.end - k)));
+      const auto overlaps =
+          hn::And(hn::Lt(distance_squared, hn::Mul(radius_sum, radius_sum)), hn::FirstN(d, run.end - k));
       // Not CompressStore: a compress to memory takes a hundred cycles on some cores.
       hn::StoreU(hn::Compress(hn::Iota(indices, k), hn::RebindMask(indices, overlaps)), indices,
                  found + count);

@@ -38,7 +38,7 @@ CellPool::CellPool(btDynamicsWorld& world, const surface::Field& field, double d
   bucket_size_ = std::max({static_cast<double>(field.pitch), extent_x / 1024.0, extent_y / 1024.0});
   bucket_columns_ = static_cast<int>(extent_x / bucket_size_) + 1;
   bucket_rows_ = static_cast<int>(extent_y / bucket_size_) + 1;
-  buckets_.resize(static_cast<std::size_t>(bucket_rows_) * static_cast<std::size_t>(bucket_columns_));
+  buckets_.resize(bucket_rows_ * bucket_columns_);
   for (int cell = 0; cell < field.cells(); ++cell) {
     const Eigen::Vector2f centre = field.centre(cell);
     const int c = static_cast<int>((static_cast<double>(centre.x()) - low_x_) / bucket_size_);

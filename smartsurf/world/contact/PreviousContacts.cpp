@@ -9,7 +9,7 @@ void PreviousContacts::swap_lists(ContactList& pair_contacts, ContactList& stati
                                   int member_count) {
   std::swap(pair_contacts_, pair_contacts);
   std::swap(static_contacts_, static_contacts);
-  same_member_count_ = index_.size() == static_cast<std::size_t>(member_count);
+  same_member_count_ = std::ssize(index_) == member_count;
   index_.resize(member_count);
   next_pair_.resize(pair_contacts_.manifolds.size());
 }
@@ -20,7 +20,7 @@ template <class Each>
 void PreviousContacts::for_each_own(const ContactList& list, const SlabRanges& ranges, const Member& member,
                                     Each each) const {
   auto for_range = [&](IndexRange range) {
-    assert(range.end <= static_cast<int>(list.manifolds.size()));
+    assert(range.end <= std::ssize(list.manifolds));
     for (Index i = range.begin; i < range.end; ++i) each(i);
   };
   if (!same_member_count_ || ranges.manifold_count != list.manifolds.size())

@@ -37,7 +37,7 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
   for (const Manifold& m : static_contacts.manifolds) {
     const std::size_t first_body = bodies_on_cells_.size();
     for_each_limited(field, static_contacts, m, [&](const Contact& c, int k) {
-      const auto cell = static_cast<std::size_t>(c.feature_id);
+      const std::size_t cell = c.feature_id;
       std::int32_t& first = first_contact_[cell];
       if (first < 0) {
         first = k;
@@ -97,7 +97,7 @@ void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s,
 void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const ContactList& static_contacts,
                                              float dt_s, surface::Field& field) {
   if (!field.has_force_limit()) return;
-  auto cell_of = [](const Contact& c) { return static_cast<std::size_t>(c.feature_id); };
+  auto cell_of = [](const Contact& c) { return c.feature_id; };
   auto capacity_of = [this](const BodyOnCell& body) { return limits_[body.first_contact].capacity; };
   auto impulse_on_cell = [](const Contact& c) { return c.total_normal_impulse * c.normal.z(); };
   for (const Manifold& m : static_contacts.manifolds)

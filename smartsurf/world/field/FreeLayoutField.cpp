@@ -29,9 +29,9 @@ FreeLayoutField::FreeLayoutField(const surface::Field& field)
   bucket_size_ = std::max(field.pitch, 2.0F * half_diagonal_);
   bucket_count_[0] = static_cast<int>((*east - *west) / bucket_size_) + 1;
   bucket_count_[1] = static_cast<int>((*north - *south) / bucket_size_) + 1;
-  bucket_begin_.assign(static_cast<std::size_t>(bucket_count_[0] * bucket_count_[1]) + 1, 0);
+  bucket_begin_.assign(bucket_count_[0] * bucket_count_[1] + 1, 0);
   auto bucket_of = [&](std::size_t i) {
-    return static_cast<std::size_t>(bucket(field.y[i], 1) * bucket_count_[0] + bucket(field.x[i], 0));
+    return bucket(field.y[i], 1) * bucket_count_[0] + bucket(field.x[i], 0);
   };
   for (std::size_t i = 0; i < field.x.size(); ++i) ++bucket_begin_[bucket_of(i) + 1];
   for (std::size_t b = 1; b < bucket_begin_.size(); ++b) bucket_begin_[b] += bucket_begin_[b - 1];
@@ -54,7 +54,7 @@ void FreeLayoutField::for_each_cell(const Vec3& low, const Vec3& high, Each each
   const int x1 = bucket(high.x() + half_diagonal_, 0), y1 = bucket(high.y() + half_diagonal_, 1);
   for (int y = bucket(low.y() - half_diagonal_, 1); y <= y1; ++y)
     for (int x = bucket(low.x() - half_diagonal_, 0); x <= x1; ++x) {
-      const auto b = static_cast<std::size_t>(y * bucket_count_[0] + x);
+      const std::size_t b = y * bucket_count_[0] + x;
       for (int k = bucket_begin_[b]; k < bucket_begin_[b + 1]; ++k) each(bucket_cells_[k]);
     }
 }

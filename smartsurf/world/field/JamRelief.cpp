@@ -148,7 +148,7 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
       const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
       for (int i = p.first; i < p.first + p.count; ++i) {
         const std::int32_t cell = list.samples.cell[i];
-        const auto at = static_cast<std::size_t>(cell);
+        const std::size_t at = cell;
         const float planned = planned_speed_[at] != 0.0F ? planned_speed_[at] : field.speed[at];
         if (planned > 0.0F) lowered |= slow_down(cell, fraction * planned, fraction < 1.0F, field);
       }

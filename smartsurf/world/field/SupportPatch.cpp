@@ -472,8 +472,7 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
   thread_local std::vector<Points> of_sample;
   of_sample.assign(patch.count, {});
   SupportSamples& s = out.samples;
-  const auto first = static_cast<std::size_t>(patch.first),
-             first_point = static_cast<std::size_t>(patch.first_point);
+  const std::size_t first = patch.first, first_point = patch.first_point;
   const auto cells = std::span(s.cell).subspan(first, patch.count);
   out.shares.resize(out.points.size());
   // Calls each(share, points of its sample, contact) for the points that have a sample.
@@ -523,7 +522,7 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
   });
   // A level face bears on all points of a cell, a tilted one on the lowest.
   for_each_share([&](PointShare& share, const Points& p, const Contact& c) {
-    const std::size_t i = first + static_cast<std::size_t>(share.sample);
+    const std::size_t i = first + share.sample;
     if (p.least_share >= 0.0F) share.share += share.share_x * p.offset_x + share.share_y * p.offset_y;
     const float tilted = 1.0F - p.least_weight;
     share.share += tilted * (weight_of_corner(c.separation, p.lowest) / p.weight - share.share);
@@ -640,7 +639,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   patch.count = static_cast<std::int32_t>(samples.size());
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
   if (patch.count < 1 || patch.point_count < 2 || (patch.has_shares && !add_shares(patch, contacts, out))) {
-    out.samples.resize(static_cast<std::size_t>(patch.first), has_limits);
+    out.samples.resize(patch.first, has_limits);
     out.points.resize(patch.first_point);
     if (!out.shares.empty()) out.shares.resize(out.points.size());
     out.patches.pop_back();
@@ -656,8 +655,8 @@ void match_support_patch(const SupportPatches& previous, const SupportPatch& fro
   to.has_friction = true;
   // Calls each(sample of `from`, sample of `to`) for the cells of both.
   const auto for_each_common = [&](auto each) {
-    auto i = static_cast<std::size_t>(from.first);
-    const std::size_t end = i + static_cast<std::size_t>(from.count);
+    std::size_t i = from.first;
+    const std::size_t end = i + from.count;
     for (Index k = to.first; k < to.first + to.count; ++k) {
       while (i < end && previous.samples.cell[i] < current.samples.cell[k]) ++i;
       if (i < end && previous.samples.cell[i] == current.samples.cell[k]) each(i, k);
@@ -682,7 +681,7 @@ void append_patch(const SupportPatches& from, const SupportPatch& p, SupportPatc
   copy.first = static_cast<std::int32_t>(to.samples.size());
   copy.first_point = static_cast<std::int32_t>(to.points.size());
   copy.point_count = 0;
-  to.samples.resize(to.samples.size() + static_cast<std::size_t>(p.count), !to.samples.limit.empty());
+  to.samples.resize(to.samples.size() + p.count, !to.samples.limit.empty());
   const auto copy_samples = [&](const auto& source, auto& target) {
     std::copy_n(source.begin() + p.first, p.count, target.begin() + copy.first);
   };

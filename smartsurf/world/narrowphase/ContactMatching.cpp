@@ -27,7 +27,7 @@ class PreviousAnchors {
       const Contact* c[kSimd4Width];
       std::int32_t key[kSimd4Width];
       for (int k = 0; k < kSimd4Width; ++k) {
-        const auto at = static_cast<std::size_t>(kSimd4Width * i + k);
+        const std::size_t at = kSimd4Width * i + k;
         c[k] = &previous[at < previous.size() ? at : 0];
         key[k] = at < previous.size() ? match_key(*c[k]) : kTaken;
       }
@@ -77,7 +77,7 @@ void copy_impulses(const Contact& from, Contact& to) {
 
 template <int capacity>
 void match_nearest(std::span<Contact> current, std::span<const Contact> previous, float tolerance) {
-  previous = previous.first(std::min(previous.size(), static_cast<std::size_t>(capacity)));
+  previous = previous.first(std::min<std::size_t>(previous.size(), capacity));
   PreviousAnchors<capacity> anchors(previous);
   for (Contact& c : current)
     if (const int i = anchors.take_nearest(c, tolerance * tolerance); i >= 0) copy_impulses(previous[i], c);

@@ -197,7 +197,7 @@ bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>
 }
 
 void erase_spare(std::vector<Contact>& contacts, std::size_t first) {
-  const auto marked = std::remove_if(contacts.begin() + static_cast<std::ptrdiff_t>(first), contacts.end(),
+  const auto marked = std::remove_if(contacts.begin() + first, contacts.end(),
                                      [](const Contact& c) { return c.separation == kSpareSeparation; });
   contacts.erase(marked, contacts.end());
 }

@@ -159,7 +159,7 @@ const PairManifoldCache::CachedManifold* PairManifoldCache::find(std::size_t a, 
   while (k && k->b != index_b) k = k->next;
   const std::less<> before;
   if (k && !before(k, previous.data()) && before(k, previous.data() + previous.size()))
-    chunk_cache.expected = static_cast<std::size_t>(k - previous.data()) + 1;
+    chunk_cache.expected = k - previous.data() + 1;
   return k;
 }
 

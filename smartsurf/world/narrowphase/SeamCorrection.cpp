@@ -20,22 +20,22 @@ Vec3 velocity_at(const BodyStore& bodies, std::size_t i, const Vec3& point) {
 
 // A contact as that of body a with another, whichever of the two the list calls a. The point of a sphere is
 // on it.
-Contact seen_from(const BodyStore& bodies, std::size_t body, const Manifold& m, const Contact& c) {
-  if (static_cast<std::size_t>(m.a) == body) return c;
+Contact seen_from(const BodyStore& bodies, std::int32_t body, const Manifold& m, const Contact& c) {
+  if (m.a == body) return c;
   Contact own = c;
   own.normal = -c.normal;
   own.anchor = bodies.position[m.a] + c.anchor - bodies.position[m.b];
   if (bodies.is_sphere[body]) own.anchor -= c.separation * c.normal;
   return own;
 }
-void set_from(const BodyStore& bodies, std::size_t body, const Manifold& m, const Contact& own, Contact& c) {
+void set_from(const BodyStore& bodies, std::int32_t body, const Manifold& m, const Contact& own, Contact& c) {
   if (own.separation == kSpareSeparation) {
     c.separation = kUnusedSeparation;
     c.normal_impulse = 0.0F;
     c.friction_impulse = c.rolling_impulse = Vec3::Zero();
     return;
   }
-  const bool is_a = static_cast<std::size_t>(m.a) == body;
+  const bool is_a = m.a == body;
   c.separation = own.separation;
   c.normal = is_a ? own.normal : Vec3(-own.normal);
   c.anchor = own.anchor;
@@ -53,7 +53,7 @@ class Neighbours {
  public:
   void find(const BodyStore& bodies, const ContactList& pairs, const ContactList& statics) {
     neighbours_.clear();
-    first_.assign(static_cast<std::size_t>(bodies.size()), -1);
+    first_.assign(bodies.size(), -1);
     for (std::int32_t i = 0; i < std::ssize(pairs.manifolds); ++i)
       for (const std::int32_t body : {pairs.manifolds[i].a, pairs.manifolds[i].b}) {
         neighbours_.push_back({i, first_[body]});
@@ -61,7 +61,7 @@ class Neighbours {
       }
     has_fixed_ = std::ranges::find(bodies.mass, 0.0F) != bodies.mass.end();
     if (!has_fixed_) return;
-    static_.assign(static_cast<std::size_t>(bodies.size()), -1);
+    static_.assign(bodies.size(), -1);
     for (std::int32_t i = 0; i < std::ssize(statics.manifolds); ++i) static_[statics.manifolds[i].a] = i;
   }
   bool has_several(std::size_t body) const {
@@ -83,23 +83,23 @@ class Neighbours {
 
 // The contacts of a body with another one that has faces.
 struct Touched {
-  std::size_t other;
+  std::int32_t other;
   const Manifold* manifold;
   std::span<Contact> contacts;
   bool is_under = false;
 };
 
 // Appends them in the order of the bodies that move, then for each fixed body.
-void find_touched(const BodyStore& bodies, std::size_t body, const Neighbours& neighbours, ContactList& pairs,
-                  ContactList& statics, std::vector<Touched>& out) {
-  const auto has_faces = [&](std::size_t other) {
+void find_touched(const BodyStore& bodies, std::int32_t body, const Neighbours& neighbours,
+                  ContactList& pairs, ContactList& statics, std::vector<Touched>& out) {
+  const auto has_faces = [&](std::int32_t other) {
     const Shape& s = *bodies.shape[other];
     return !s.hulls.empty() || s.kind == scene::ShapeKind::kBox;
   };
   out.clear();
   neighbours.for_each(body, [&](std::int32_t k) {
     const Manifold& m = pairs.manifolds[k];
-    const auto other = static_cast<std::size_t>(static_cast<std::size_t>(m.a) == body ? m.b : m.a);
+    const std::int32_t other = m.a == body ? m.b : m.a;
     if (has_faces(other)) out.push_back({other, &m, pairs.contacts_of(m)});
   });
   std::reverse(out.begin(), out.end());
@@ -109,8 +109,8 @@ void find_touched(const BodyStore& bodies, std::size_t body, const Neighbours& n
   for (std::size_t from = 0, to = 0; from < contacts.size(); from = to) {
     const Partner partner = contacts[from].partner;
     while (to < contacts.size() && contacts[to].partner == partner) ++to;
-    if (partner >= Partner{} && has_faces(static_cast<std::size_t>(partner)))
-      out.push_back({static_cast<std::size_t>(partner), &m, contacts.subspan(from, to - from)});
+    const std::int32_t other = other_body(m, contacts[from]);
+    if (other >= 0 && has_faces(other)) out.push_back({other, &m, contacts.subspan(from, to - from)});
   }
 }
 
@@ -121,7 +121,7 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
 
 // A contact of a body, and what it becomes.
 struct Corrected {
-  std::size_t body, other;
+  std::int32_t body, other;
   Contact* contact;
   Contact value;
 };
@@ -139,7 +139,7 @@ struct SeamCorrection::Shared {
   std::vector<std::uint8_t> has_changed;  // by body: contacts, by the correction of another
 
   static void find(const BodyStore&, ContactList& pairs, ContactList& statics, const Neighbours&,
-                   std::size_t body, std::vector<Corrected>&);
+                   std::int32_t body, std::vector<Corrected>&);
   void begin(const BodyStore&, const ContactList& pairs, const ContactList& statics, const Member&);
   void apply(std::span<const Corrected>);
   void apply_in_order(const BodyStore&, ContactList& pairs, ContactList& statics, bool are_found);
@@ -155,9 +155,8 @@ void SeamCorrection::run(const BodyStore& bodies, ContactList& pairs, ContactLis
   if (!s.applies) return;
   const bool are_found = member.member_count > 1;
   if (are_found) {
-    std::vector<Corrected>& own = s.of_members[static_cast<std::size_t>(member.index)];
-    for (const std::int32_t i : own_bodies)
-      Shared::find(bodies, pairs, statics, s.neighbours, static_cast<std::size_t>(i), own);
+    std::vector<Corrected>& own = s.of_members[member.index];
+    for (const std::int32_t i : own_bodies) Shared::find(bodies, pairs, statics, s.neighbours, i, own);
   }
   member.single([&] { s.apply_in_order(bodies, pairs, statics, are_found); });
 }
@@ -170,7 +169,7 @@ void SeamCorrection::Shared::begin(const BodyStore& bodies, const ContactList& p
   };
   applies = std::ranges::any_of(pairs.manifolds, has_flat_body);
   if (!applies) return;
-  of_members.resize(static_cast<std::size_t>(member.member_count));
+  of_members.resize(member.member_count);
   for (std::vector<Corrected>& found : of_members) found.clear();
   neighbours.find(bodies, pairs, statics);
 }
@@ -190,9 +189,9 @@ void SeamCorrection::Shared::apply_in_order(const BodyStore& bodies, ContactList
   for (const std::vector<Corrected>& found : of_members) all.insert(all.end(), found.begin(), found.end());
   if (are_found && all.empty()) return;
   std::ranges::sort(all, {}, &Corrected::body);
-  has_changed.assign(static_cast<std::size_t>(bodies.size()), 0);
+  has_changed.assign(bodies.size(), 0);
   std::size_t next = 0;
-  for (std::size_t i = 0; i < has_changed.size(); ++i) {
+  for (std::int32_t i = 0; i < bodies.size(); ++i) {
     const std::size_t first = next;
     while (next < all.size() && all[next].body == i) ++next;
     if (are_found && has_changed[i] == 0) {
@@ -207,7 +206,7 @@ void SeamCorrection::Shared::apply_in_order(const BodyStore& bodies, ContactList
 
 // Appends the contacts of the body that change.
 void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, ContactList& statics,
-                                  const Neighbours& neighbours, std::size_t i, std::vector<Corrected>& out) {
+                                  const Neighbours& neighbours, std::int32_t i, std::vector<Corrected>& out) {
   thread_local std::vector<Touched> touched;
   thread_local std::vector<Contact> own;
   thread_local std::vector<SeamContact> seam;
@@ -223,7 +222,7 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
       const float sliding = (own_velocity - speed).norm();
       if (sliding < kSliding) continue;
       // The contact's point may be on the body, as far away as it travels in a step.
-      const bool is_of_body = static_cast<std::size_t>(one.manifold->a) == i;
+      const bool is_of_body = one.manifold->a == i;
       const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
       const float together = std::max(kTogether, kTogetherShare * sliding);
       for (Touched& next : touched) {

@@ -6,13 +6,13 @@ namespace smartsurf::world {
 
 void AxisLaw::add_step(Cause cause, double speed, double below, double above) {
   int i = count_;
-  while (i > 0 && step_[static_cast<std::size_t>(i - 1)].speed >= speed) --i;
-  const auto at = static_cast<std::size_t>(i);
+  while (i > 0 && step_[i - 1].speed >= speed) --i;
+  const std::size_t at = i;
   if (i < count_ && step_[at].speed == speed) {
     step_[at].below += below, step_[at].above += above, step_[at].causes |= cause;
     return;
   }
-  for (auto k = static_cast<std::size_t>(count_); k > at; --k) step_[k] = step_[k - 1];
+  for (std::size_t k = count_; k > at; --k) step_[k] = step_[k - 1];
   step_[at] = {speed, below, above, cause};
   ++count_;
 }
@@ -20,7 +20,7 @@ void AxisLaw::add_step(Cause cause, double speed, double below, double above) {
 double AxisLaw::offset(int place) const {
   double sum = offset_;
   for (int i = 0; i < count_; ++i) {
-    const Step& s = step_[static_cast<std::size_t>(i)];
+    const Step& s = step_[i];
     sum += 2 * i + 1 > place ? s.below : s.above;
   }
   return sum;
@@ -29,7 +29,7 @@ double AxisLaw::offset(int place) const {
 int AxisLaw::place_of(std::uint8_t causes, double speed) const {
   int place = 0;
   for (int i = 0; i < count_; ++i) {
-    const Step& s = step_[static_cast<std::size_t>(i)];
+    const Step& s = step_[i];
     if ((s.causes & causes) != 0) return 2 * i + 1;
     const bool is_above = speed >= s.speed;
     if (std::isinf(is_above ? s.above : s.below)) return 2 * i + 1;

@@ -39,7 +39,7 @@ class AxisLaw {
     double speed, below, above;
     std::uint8_t causes;
   };
-  static std::size_t index_of(int place) { return static_cast<std::size_t>(place / 2); }
+  static std::size_t index_of(int place) { return place / 2; }
 
   std::array<Step, 4> step_{};  // ascending by speed
   int count_ = 0;

@@ -70,7 +70,7 @@ void ConstraintGraph::compute_key_offsets() {
   if (key_offsets_.size() == 1) {  // small worlds spend their steps on such loops
     KeyOffsets& offsets = key_offsets_.front();
     for (int group = 0; group < key_count(); group += kPointCountBuckets) {
-      const auto counts = std::span(offsets).subspan(static_cast<std::size_t>(group), kPointCountBuckets);
+      const auto counts = std::span(offsets).subspan(group, kPointCountBuckets);
       std::int32_t any = 0;
       for (const std::int32_t count : counts) any |= count;
       first_of_key_[group] = offset;

@@ -63,7 +63,7 @@ Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 
 void HeavyIslandSolver::reset(int member_count, int row_count) {
   members_.resize(member_count);
-  parent_.resize(static_cast<std::size_t>(row_count));
+  parent_.resize(row_count);
   flags_.resize(parent_.size());
   for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear();
   islands_.clear();
@@ -210,8 +210,7 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     return to_double(step.velocity[row].velocity).squaredNorm() > kFast * kFast;
   };
   for (int row = own_rows.begin; row < own_rows.end; ++row)
-    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(static_cast<std::size_t>(row)))
-      mark(row, kExcluded);
+    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(row)) mark(row, kExcluded);
 }
 
 void HeavyIslandSolver::number_islands(const Step& step) {

@@ -26,7 +26,7 @@ JointEquations::Matrix6 inverse_of(JointEquations::Matrix6 a) {
 void JointEquations::find_trees(std::int32_t body_count,
                                 std::span<const std::array<std::int32_t, 2>> joints) {
   // Union of the bodies that a joint connects; the least body of a tree is its root.
-  std::vector<std::int32_t> parent(static_cast<std::size_t>(body_count));
+  std::vector<std::int32_t> parent(body_count);
   std::iota(parent.begin(), parent.end(), 0);
   auto root_of = [&](std::int32_t body) {
     while (parent[body] != body) body = parent[body] = parent[parent[body]];
@@ -62,8 +62,8 @@ void JointEquations::find_trees(std::int32_t body_count,
     bodies += t.body_count, joint_count += t.joint_count;
     t.has_loop = t.joint_count > t.body_count - (is_held[i] ? 0 : 1);
   }
-  tree_bodies_.resize(static_cast<std::size_t>(bodies));
-  tree_joints_.resize(static_cast<std::size_t>(joint_count));
+  tree_bodies_.resize(bodies);
+  tree_joints_.resize(joint_count);
   std::vector<std::int32_t> next_body, next_joint;
   for (const Tree& t : trees_) next_body.push_back(t.first_body), next_joint.push_back(t.first_joint);
   for (std::int32_t i = 0; i < body_count; ++i) tree_bodies_[next_body[tree_of[i]]++] = i;
@@ -76,12 +76,12 @@ void JointEquations::find_trees(std::int32_t body_count,
 void JointEquations::set_structure(std::int32_t body_count,
                                    std::span<const std::array<std::int32_t, 2>> joints) {
   find_trees(body_count, joints);
-  const std::size_t bodies = static_cast<std::size_t>(body_count), nodes = bodies + joints.size();
+  const std::size_t bodies = body_count, nodes = bodies + joints.size();
   std::vector<std::set<std::int32_t>> neighbours(nodes);
   for (std::size_t k = 0; k < joints.size(); ++k)
     for (const std::int32_t body : joints[k])
       if (body != kFixed) {
-        neighbours[static_cast<std::size_t>(body)].insert(static_cast<std::int32_t>(bodies + k));
+        neighbours[body].insert(static_cast<std::int32_t>(bodies + k));
         neighbours[bodies + k].insert(body);
       }
   place_of_body_.resize(bodies), place_of_joint_.resize(joints.size());
@@ -107,7 +107,7 @@ void JointEquations::set_structure(std::int32_t body_count,
         neighbours[n].erase(node);
         for (const std::int32_t m : around)
           if (m != n) neighbours[n].insert(m);
-        if (static_cast<std::size_t>(node) < bodies) may_go[n] = 1;
+        if (node < body_count) may_go[n] = 1;
       }
       for (const std::int32_t n : around)
         if (may_go[n]) push(n);
@@ -122,7 +122,7 @@ void JointEquations::set_structure(std::int32_t body_count,
   for (std::size_t k = 0; k < joints.size(); ++k) place_of_joint_[k] = place_of[bodies + k];
   most_edges_ = 0;
   for (std::size_t p = 0; p < node_at.size(); ++p) {
-    is_joint_.push_back(static_cast<std::size_t>(node_at[p]) >= bodies ? 1 : 0);
+    is_joint_.push_back(node_at[p] >= body_count ? 1 : 0);
     first_edge_.push_back(static_cast<std::int32_t>(later_place_.size()));
     for (const std::int32_t n : later_nodes[p]) later_place_.push_back(place_of[n]);
     std::sort(later_place_.begin() + first_edge_.back(), later_place_.end());
@@ -157,7 +157,7 @@ void JointEquations::begin(std::int32_t tree) {
 }
 
 void JointEquations::set_jacobian(std::int32_t joint, int side, const Matrix6& jacobian) {
-  const std::int32_t e = edge_of_joint_[joint][static_cast<std::size_t>(side)];
+  const std::int32_t e = edge_of_joint_[joint][side];
   if (e < 0) return;
   // The block's rows are those of the later node.
   if (later_place_[e] == place_of_joint_[joint])

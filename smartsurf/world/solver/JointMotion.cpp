@@ -112,7 +112,7 @@ void JointSolver::store_motion(const Pose& from, const Pose& to, DeltaPose& delt
 
 void JointSolver::end_early(std::int32_t body, float fraction) {
   const Body& b = *std::ranges::lower_bound(bodies_, body, {}, &Body::body);
-  TreeState& s = tree_states_[static_cast<std::size_t>(b.tree)];
+  TreeState& s = tree_states_[b.tree];
   s.kept = std::min(s.kept, static_cast<std::int32_t>(fraction * static_cast<float>(s.substep)));
 }
 
@@ -123,14 +123,14 @@ void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Sub
     const auto members = bodies_of(equations_.trees()[t]);
     const auto end_of = [&](std::int32_t i) -> const Pose& {
       if (s.kept == 0 || !bodies_[i].is_active) return bodies_[i].start;
-      return path_[static_cast<std::size_t>(s.kept - 1) * bodies_.size() + static_cast<std::size_t>(i)];
+      return path_[(s.kept - 1) * bodies_.size() + i];
     };
     double work = 0.0, energy = 0.0;  // of forces on the rest of the way; of the motion
     load_velocities(rows, {static_cast<int>(t), static_cast<int>(t) + 1});
     for (const std::int32_t i : members) {
       const Body& b = bodies_[i];
       if (!b.is_active) continue;
-      const surface::Wrench& w = bodies.wrench[static_cast<std::size_t>(b.body)];
+      const surface::Wrench& w = bodies.wrench[b.body];
       const Vec3d force = substep.gravity.cast<double>() / b.inverse_mass + w.force.cast<double>();
       work += force.dot(b.now.position - end_of(i).position);
       work += w.torque.cast<double>().dot(

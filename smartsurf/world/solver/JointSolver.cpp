@@ -251,7 +251,7 @@ void JointSolver::index_bodies(const BodyStore& bodies) {
   };
   auto node_of = [&](std::int32_t index) {
     const std::int32_t body = bodies_[index].body;
-    return body < 0 || bodies.is_static(static_cast<std::size_t>(body)) ? JointEquations::kFixed : index;
+    return body < 0 || bodies.is_static(body) ? JointEquations::kFixed : index;
   };
   std::vector<std::array<std::int32_t, 2>> nodes;
   blocks_.assign(joints_.size(), Block());
@@ -270,13 +270,13 @@ void JointSolver::index_bodies(const BodyStore& bodies) {
 // Trees read the bodies that cannot move, which belong to none of those with joints.
 void JointSolver::begin_step(const BodyStore& bodies, const SpatialPartition& partition, int substeps) {
   if (!indexed_) index_bodies(bodies);
-  path_.resize(static_cast<std::size_t>(substeps) * bodies_.size());
+  path_.resize(substeps * bodies_.size());
   active_joints_before_.assign(1, 0);
   for (const JointEquations::Tree& tree : equations_.trees()) {
     bool moves = false;
     for (const std::int32_t i : bodies_of(tree)) {
       const std::int32_t body = bodies_[i].body;
-      moves = moves || (body >= 0 && bodies.is_active(static_cast<std::size_t>(body)));
+      moves = moves || (body >= 0 && bodies.is_active(body));
       if (tree.joint_count == 0 && body >= 0) begin_body(bodies_[i], bodies, partition);
     }
     active_joints_before_.push_back(active_joints_before_.back() + (moves ? tree.joint_count : 0));
@@ -425,7 +425,7 @@ void JointSolver::relax(const Rows& rows, IndexRange trees) {
   move_bodies(rows, trees);
   for (int t = trees.begin; t < trees.end; ++t) {
     if (!tree_states_[t].is_active) continue;
-    Pose* const ends = path_.data() + static_cast<std::size_t>(tree_states_[t].substep++) * bodies_.size();
+    Pose* const ends = path_.data() + tree_states_[t].substep++ * bodies_.size();
     tree_states_[t].kept = tree_states_[t].substep;
     for (const std::int32_t i : bodies_of(equations_.trees()[t])) ends[i] = bodies_[i].now;
   }
@@ -516,10 +516,9 @@ void JointSolver::add_efforts(IndexRange trees, double sign) {
 void JointSolver::select_touched(std::span<const char> touched_rows) {
   for (std::size_t t = 0; t < tree_states_.size(); ++t) {
     TreeState& s = tree_states_[t];
-    s.is_touched =
-        s.is_active && std::ranges::any_of(bodies_of(equations_.trees()[t]), [&](std::int32_t i) {
-          return bodies_[i].is_active && touched_rows[static_cast<std::size_t>(bodies_[i].row)] != 0;
-        });
+    s.is_touched = s.is_active && std::ranges::any_of(bodies_of(equations_.trees()[t]), [&](std::int32_t i) {
+                     return bodies_[i].is_active && touched_rows[bodies_[i].row] != 0;
+                   });
   }
 }
 

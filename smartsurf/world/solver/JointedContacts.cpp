@@ -38,7 +38,7 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
                               const SpatialPartition& partition, BatchPoints points,
                               const BodyVelocity* rows) {
   points_.clear();
-  is_touched_.assign(static_cast<std::size_t>(partition.row_count()), 0);
+  is_touched_.assign(partition.row_count(), 0);
   const auto is_jointed = [&](std::int32_t row) {
     const std::size_t body = partition.body(row);
     return bodies.is_jointed[body] && bodies.is_active(body);
@@ -68,7 +68,7 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
         p.inverse_inertia[side] = bodies.is_sphere[body]
                                       ? Mat3(rows[p.row[side]].inverse_inertia * Mat3::Identity())
                                       : to_matrix(bodies.world_inverse_inertia[body]);
-        is_touched_[static_cast<std::size_t>(p.row[side])] = 1;
+        is_touched_[p.row[side]] = 1;
       }
       points_.push_back(p);
     }

@@ -6,8 +6,8 @@
 namespace smartsurf::world {
 
 void SharedBatches::resize(int rows, int member_count) {
-  is_shared_row_.resize(static_cast<std::size_t>(rows));
-  member_batches_.resize(static_cast<std::size_t>(member_count));
+  is_shared_row_.resize(rows);
+  member_batches_.resize(member_count);
 }
 
 void SharedBatches::clear_marks(IndexRange own_rows) {
@@ -20,20 +20,17 @@ void SharedBatches::mark_foreign_rows(const ContactBatch& o, IndexRange own_rows
     for (int lane = 0; lane < kLanes; ++lane)
       if (rows[lane] < own_rows.begin || rows[lane] >= own_rows.end)
         // Atomic, because several members may mark the same row.
-        std::atomic_ref(is_shared_row_[static_cast<std::size_t>(rows[lane])])
-            .store(1, std::memory_order_relaxed);
+        std::atomic_ref(is_shared_row_[rows[lane]]).store(1, std::memory_order_relaxed);
 }
 
 bool SharedBatches::touches_shared_row(const ContactBatch& o) const {
   std::uint8_t any = 0;
-  for (int lane = 0; lane < kLanes; ++lane)
-    any |= is_shared_row_[static_cast<std::size_t>(o.a[lane])] |
-           is_shared_row_[static_cast<std::size_t>(o.b[lane])];
+  for (int lane = 0; lane < kLanes; ++lane) any |= is_shared_row_[o.a[lane]] | is_shared_row_[o.b[lane]];
   return any != 0;
 }
 
 void SharedBatches::split_batches(const ConstraintGraph& graph, const Member& member) {
-  MemberBatches& batches = member_batches_[static_cast<std::size_t>(member.index)];
+  MemberBatches& batches = member_batches_[member.index];
   batches.shared.clear();
   batches.own.clear();
   for (std::size_t i = 0; i <= graph.colours().size(); ++i) {

@@ -26,10 +26,10 @@ class SharedBatches {
   // The member's batches of the i-th colour, or of its static contacts if i is the number of colours: those
   // with a body that another member moves too, and the others.
   std::span<const BatchRange> shared(const Member& member, std::size_t i) const {
-    return member_batches_[static_cast<std::size_t>(member.index)].shared.of(i);
+    return member_batches_[member.index].shared.of(i);
   }
   std::span<const BatchRange> own(const Member& member, std::size_t i) const {
-    return member_batches_[static_cast<std::size_t>(member.index)].own.of(i);
+    return member_batches_[member.index].own.of(i);
   }
 
  private:

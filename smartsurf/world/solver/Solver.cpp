@@ -95,7 +95,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
 
 void Solver::resize_buffers(const SpatialPartition& partition, int member_count, bool has_cell_limits) {
   const auto grow = [](auto& buffer, int size) {
-    if (std::ssize(buffer) < size) buffer.resize(static_cast<std::size_t>(size));
+    if (std::ssize(buffer) < size) buffer.resize(size);
   };
   const int rows = partition.row_count(), points = graph_.point_count();
   grow(velocity_, rows), grow(delta_pose_, rows), grow(inverse_inertia_, rows);
@@ -481,7 +481,7 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
         for (SupportBatch& batch : supports_[k]) {
           std::uint32_t jointed = 0;
           batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
-            if (p.is_elastic || !context.bodies.is_jointed[static_cast<std::size_t>(p.body)]) return;
+            if (p.is_elastic || !context.bodies.is_jointed[p.body]) return;
             jointed |= std::uint32_t{1} << static_cast<unsigned>(lane);
             solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row],
                                  delta_pose_[p.row], inverse_inertia_[p.row]);

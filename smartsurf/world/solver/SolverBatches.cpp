@@ -82,8 +82,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
     ContactList& pairs = context.input.pair_contacts;
     for (int lane = 0; lane < o.lane_count; ++lane) {
       const Manifold& m = pairs.manifolds[graph_.manifold(index, lane)];
-      for (Contact& c : pairs.contacts_of(m))
-        move_to_meeting(context.bodies, static_cast<std::size_t>(m.a), static_cast<std::size_t>(m.b), c);
+      for (Contact& c : pairs.contacts_of(m)) move_to_meeting(context.bodies, m.a, m.b, c);
     }
   }
   const BatchContacts contacts = contacts_of_batch(context, kind, index);

@@ -146,7 +146,7 @@ void solve_springs(SupportPatches& list, SupportPatch& p, const SubstepParams& p
   Vector3 wrench = Vector3::Zero();
   for (std::size_t i = 0; i < loads.size(); ++i) {
     const double impulse = std::max(0.0, loads[i].at_velocity(motion));
-    list.samples.load[static_cast<std::size_t>(p.first) + i] = static_cast<float>(impulse);
+    list.samples.load[p.first + i] = static_cast<float>(impulse);
     wrench += impulse * loads[i].at;
   }
   apply_wrench(wrench - Vector3(p.spring_wrench), m, w);

@@ -96,7 +96,7 @@ void TipSolver::find_islands() {
     return tip;
   };
   for (const Point& p : points_) {
-    if (p.body >= std::ssize(tip_of_body_)) tip_of_body_.resize(static_cast<std::size_t>(p.body) + 1, -1);
+    if (p.body >= std::ssize(tip_of_body_)) tip_of_body_.resize(p.body + 1, -1);
     std::int32_t& first = tip_of_body_[p.body];
     if (first < 0) first = p.tip;
     const std::int32_t a = root_of(first), b = root_of(p.tip);
