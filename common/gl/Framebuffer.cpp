@@ -7,7 +7,7 @@
 namespace common {
 
 Image read_framebuffer(int width, int height) {
-  Image image{width, height, std::vector<std::uint8_t>(3 * width * height)};
+  Image image{width, height, std::vector<std::uint8_t>(std::size_t{3} * width * height)};
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.rgb.data());
   // OpenGL's first row is the bottom row.
