@@ -42,7 +42,7 @@ class Bench(ProgramTest):
 
     def test_report_of_threads_beside_busy_programs(self):
         def line(beside, threads, wall, twin=False):
-            return {"benchmark": "physics", "case": "8x8 1", "who": "ours", "threads": threads, "beside": beside, "wall_s": wall,
+            return {"benchmark": "physics", "case": "8x8 1", "who": "ours", "threads": threads, "beside": beside, "wall_ms": wall,
                     "cpu_ms": threads, "twin": twin}
         self.measured("threads", [line(0, 1, 4), line(0, 2, 2), line(0, 1, 5, True), line(5, 1, 8), line(5, 2, 10),
                                   line(0, 1, 4), line(0, 2, 2), line(0, 1, 5, True), line(5, 1, 9), line(5, 2, 99),
