@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/text/Suggestion.h"
+#include "common/text/Words.h"
 
 namespace apron::program {
 namespace {
@@ -12,7 +13,6 @@ namespace {
 constexpr OpcodeInfo kOpcodeTable[] = {
 #define APRON_OP(name, mnemonic, signature, locality, text) {mnemonic, signature, Locality::locality, text},
 #include "apron/program/opcodes.def"
-#include "common/text/Words.h"
 };
 
 }  // namespace

@@ -1,7 +1,7 @@
 // Names of types in C++ kernels.
 #pragma once
 
-#include "apron/run/import/KernelTokens.h"
+#include "apron/run/import/KernelPreprocessor.h"
 
 namespace apron::run {
 

@@ -8,7 +8,6 @@
 namespace apron::vm {
 namespace {
 
-using program::Opcode;
 using NodeGroup = StagePartition::NodeGroup;
 
 constexpr std::size_t kMaxStageOps = 64;

@@ -304,7 +304,7 @@ class Emulator {
     b.drift_ppm = o_.drift_ppm * (2 * uniform() - 1);
     b.clock_start_us = static_cast<std::uint32_t>(random_());
     const auto make =
-        [&, this](hardware::EmulatedDevice::Write write) -> std::unique_ptr<hardware::EmulatedDevice> {
+        [&, this](const hardware::EmulatedDevice::Write& write) -> std::unique_ptr<hardware::EmulatedDevice> {
       if (world_)
         return std::make_unique<hardware::WorldDevice>(*world_, first_row, first_column, o_.rows, o_.columns,
                                                        write);

@@ -56,7 +56,8 @@ void require(smartsurf_status status) {
 
 class Instance {
  public:
-  Instance(std::string resources, std::string token, void* environment, fmi3LogMessageCallback log_message)
+  Instance(std::string resources, const std::string& token, void* environment,
+           fmi3LogMessageCallback log_message)
       : resources_(std::move(resources)), environment_(environment), log_(log_message) {
     std::ifstream file(resources_ + "start");
     std::string line;
