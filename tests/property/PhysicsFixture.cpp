@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "smartsurf/mesh/SolidBuilder.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace physics_fixture {
@@ -173,6 +174,28 @@ scene::ObjectSpec wedge(const Eigen::Vector3d& position) {
                            {-1, 1, low},  {1, 1, low},  {0, 1, high}};
   auto o = make_solid(corners, {{0, 1, 2}, {3, 5, 4}, {0, 3, 4, 1}, {1, 4, 5, 2}, {0, 2, 5, 3}},
                       2 * std::sqrt(3.0), {1.0 / 6 + 1.0 / 3, 1.0 / 3, 1.0 / 6 + 1.0 / 3}, position);
+  return o;
+}
+
+scene::ObjectSpec compound(const std::vector<Block>& blocks) {
+  auto solid = std::make_shared<scene::Solid>();
+  for (const Block& b : blocks) {
+    std::vector<Eigen::Vector3d> corners;
+    for (int i = 0; i < 8; ++i)
+      corners.push_back(b.centre + 0.5 * b.size.cwiseProduct(Eigen::Vector3d(i & 1 ? 1 : -1, i & 2 ? 1 : -1,
+                                                                             i & 4 ? 1 : -1)));
+    // The builder moves the origin to the middle.
+    scene::ConvexHull hull = mesh::build_hull_solid(corners).hulls.front();
+    for (Eigen::Vector3f& v : hull.vertices) v += b.centre.cast<float>();
+    std::vector<std::uint32_t> sizes;
+    for (const auto& face : hull.faces) sizes.push_back(face.vertex_count);
+    solid->hulls.push_back(scene::make_convex_hull(hull.vertices, hull.face_vertices, sizes));
+    solid->vertices.insert(solid->vertices.end(), hull.vertices.begin(), hull.vertices.end());
+  }
+  scene::compute_bounds(*solid);
+  scene::ObjectSpec o;
+  o.shape = scene::ShapeKind::kSolid;
+  o.solid = solid;
   return o;
 }
 

@@ -78,4 +78,10 @@ smartsurf::scene::ObjectSpec cone(double radius, double height, const Eigen::Vec
 smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge = 2.0F);
 smartsurf::scene::ObjectSpec wedge(const Eigen::Vector3d& position);
 
+struct Block {
+  Eigen::Vector3d size, centre;
+};
+// A solid of one convex hull a block; without mass and inertia.
+smartsurf::scene::ObjectSpec compound(const std::vector<Block>&);
+
 }  // namespace physics_fixture

@@ -26,33 +26,6 @@ constexpr int kObjects = 18;
 // step by step, still or with its innermost pins going up and down.
 enum class Motion { kTogether, kCheckered, kRandom, kCloses, kClosesInWaves };
 
-struct Block {
-  Vector3d size, centre;
-};
-
-// One body of several blocks.
-scene::ObjectSpec compound(const std::vector<Block>& blocks) {
-  auto solid = std::make_shared<scene::Solid>();
-  for (const Block& b : blocks) {
-    std::vector<Vector3d> corners;
-    for (int i = 0; i < 8; ++i)
-      corners.push_back(b.centre +
-                        0.5 * b.size.cwiseProduct(Vector3d(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)));
-    // The builder moves the origin to the middle.
-    scene::ConvexHull hull = mesh::build_hull_solid(corners).hulls.front();
-    for (Eigen::Vector3f& v : hull.vertices) v += b.centre.cast<float>();
-    std::vector<std::uint32_t> sizes;
-    for (const auto& face : hull.faces) sizes.push_back(face.vertex_count);
-    solid->hulls.push_back(scene::make_convex_hull(hull.vertices, hull.face_vertices, sizes));
-    solid->vertices.insert(solid->vertices.end(), hull.vertices.begin(), hull.vertices.end());
-  }
-  scene::compute_bounds(*solid);
-  scene::ObjectSpec o;
-  o.shape = scene::ShapeKind::kSolid;
-  o.solid = solid;
-  return o;
-}
-
 // A table whose size, tops, objects and motion are drawn from a seed.
 class Ring {
  public:
@@ -184,16 +157,15 @@ class Ring {
   int side_ = 0;
 };
 
-constexpr double kDeeper = 0.13;  // u
-
 struct Bound {
   double dt_s;
   int seeds;
-  double depth;  // u
+  double depth;  // of all scenes but `exceptions`, u
   // Others that need a direct solver that leaves wedged islands alone (40, 100), and columns that are not
   // joined over a gap that one part of a compound fits into (122, 191).
   std::vector<int> more_seeds;
-  int deeper = 0;  // so many scenes may go deeper, by up to kDeeper; docs/truth.md has their share
+  int exceptions = 0;         // docs/truth.md has their share
+  double greatest_depth = 0;  // of the exceptions, u
 };
 void PrintTo(const Bound& bound, std::ostream* out) { *out << bound.dt_s; }
 
@@ -213,16 +185,16 @@ TEST_P(RingTest, ObjectsEnterNoPin) {
     const double deepest = ring.deepest_within(6.0);
     if (std::getenv("RING_REPORT"))
       std::printf("1/%.0f s  seed %2d  in cells %.4f\n", 1 / bound.dt_s, seed, deepest);
-    EXPECT_LE(deepest, bound.deeper > 0 ? bound.depth + kDeeper : bound.depth) << "seed " << seed;
+    EXPECT_LE(deepest, std::max(bound.depth, bound.greatest_depth)) << "seed " << seed;
     if (deepest > bound.depth) ++deeper;
   }
   if (!count) {
-    EXPECT_LE(deeper, bound.deeper);
+    EXPECT_LE(deeper, bound.exceptions);
   }
 }
 INSTANTIATE_TEST_SUITE_P(Steps, RingTest,
                          testing::Values(Bound{1.0 / 60, 4, 0.15, {}}, Bound{1.0 / 120, 4, 0.08, {}},
-                                         Bound{1.0 / 240, 6, 0.055, {100, 122, 191}, 1},
+                                         Bound{1.0 / 240, 6, 0.055, {100, 122, 191}, 1, 0.185},
                                          Bound{1.0 / 960, 2, 0.03, {40}}));
 
 }  // namespace

@@ -15,36 +15,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-struct Block {
-  Vector3d size, centre;
-};
-
-scene::ConvexHull make_block(const Block& b) {
-  std::vector<Eigen::Vector3f> corners;
-  for (int i = 0; i < 8; ++i)
-    corners.push_back(
-        (b.centre + 0.5 * b.size.cwiseProduct(Vector3d(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)))
-            .cast<float>());
-  const std::vector<std::uint32_t> sizes(6, 4);
-  return scene::make_convex_hull(
-      corners, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, sizes);
-}
-
-// One body of all blocks.
-scene::ObjectSpec make_compound(const std::vector<Block>& blocks) {
-  auto solid = std::make_shared<scene::Solid>();
-  for (const Block& b : blocks) {
-    solid->hulls.push_back(make_block(b));
-    const scene::ConvexHull& hull = solid->hulls.back();
-    solid->vertices.insert(solid->vertices.end(), hull.vertices.begin(), hull.vertices.end());
-  }
-  scene::compute_bounds(*solid);
-  scene::ObjectSpec o;
-  o.shape = scene::ShapeKind::kSolid;
-  o.solid = solid;
-  return o;
-}
-
 // Blocks of random lengths side by side, with their tops at z = 0, from x = −2 on: one row, or two rows whose
 // seam is under the path y = 0.
 std::vector<Block> random_track(std::mt19937& random, double length) {
@@ -90,11 +60,11 @@ class Seams : public testing::TestWithParam<double> {
  protected:
   PhysicsFixture fixture;
   // Fixed blocks, or one fixed body of them.
-  void add_track(Drawn& drawn, double length, bool compound) {
+  void add_track(Drawn& drawn, double length, bool as_one_body) {
     fixture.scene.world.gravity = drawn.pose * Vector3d(0, 0, -kGravity);
     const std::vector<Block> blocks = random_track(drawn.random, length);
-    if (compound) {
-      auto o = make_compound(blocks);
+    if (as_one_body) {
+      auto o = compound(blocks);
       o.position = drawn.at, o.orientation = drawn.pose, o.fixed = true;
       fixture.add(o);
       return;
@@ -182,7 +152,7 @@ TEST_P(Seams, NothingHappensOnBodyThatMoves) {
       blocks.push_back({{l, 3, 1}, {x + 0.5 * l, 0, -0.5}});
       x += l;
     }
-    auto track = make_compound(blocks);
+    auto track = compound(blocks);
     const double drift = drawn.uniform(-3, 3), speed = drawn.uniform(2, 7);
     track.position = {8, 15, 1.0}, track.velocity = {drift, 0, 0}, track.mass = 1e4;
     track.inertia = 1e6 * Eigen::Matrix3d::Identity();

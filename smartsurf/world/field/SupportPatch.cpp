@@ -326,18 +326,18 @@ class FootprintOnCells {
 // Which cells under a body's flat underside bear it: those that touch it as closely as the contacts that
 // carry it.
 struct BearingContacts {
+  const surface::Field& field;
+  float margin;
+  bool on_elastic_tops = false;  // then these alone bear the body
   float min_separation = std::numeric_limits<float>::max();
   float min_top = std::numeric_limits<float>::max();  // of the closest contacts
-  float margin = 0.0F;
-  // Of cells with force limits, those that move yield to each other until all bear that are as high as the
-  // lowest that does.
-  const surface::Field* limited_field = nullptr;
-  const surface::Field* elastic_field = nullptr;  // if elastic tops bear the body; then they alone do
   bool bears(float separation, float top, std::int32_t cell) const {
     if (separation > margin) return false;
-    if (elastic_field) return elastic_field->is_elastic(cell);
-    return separation <= min_separation + kSeparationTolerance ||
-           (limited_field && limited_field->speed[cell] != 0.0F && top >= min_top - kLevelTolerance);
+    if (on_elastic_tops) return field.is_elastic(cell);
+    if (separation <= min_separation + kSeparationTolerance) return true;
+    // Of cells with force limits, those that move yield to each other until all bear that are as high as the
+    // lowest that does.
+    return field.has_force_limit() && field.speed[cell] != 0.0F && top >= min_top - kLevelTolerance;
   }
 };
 
@@ -345,9 +345,7 @@ bool is_upright(const Contact& c) { return c.partner == Partner::kCell && c.norm
 
 BearingContacts bearing_contacts(const surface::Field& field, std::span<const Contact> contacts,
                                  float margin) {
-  BearingContacts b;
-  b.margin = margin;
-  b.limited_field = field.has_force_limit() ? &field : nullptr;
+  BearingContacts b{.field = field, .margin = margin};
   for (const Contact& c : contacts)
     if (is_upright(c)) b.min_separation = std::min(b.min_separation, c.separation);
   for (const Contact& c : contacts)
@@ -595,7 +593,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   patch.has_shares = field.has_force_limit() && !patch.is_elastic;
   const bool has_limits = field.has_contacts_per_cell();
   BearingContacts bearing = bearing_contacts(field, contacts, margin);
-  if (patch.is_elastic) bearing.elastic_field = &field;
+  bearing.on_elastic_tops = patch.is_elastic;
   patch.first = static_cast<std::int32_t>(out.samples.size());
   patch.first_point = static_cast<std::int32_t>(out.points.size());
   thread_local std::vector<Sample> samples;

@@ -92,7 +92,8 @@ class Docs(ProgramTest):
             (folder / "build").mkdir()
             (folder / "out").mkdir()
             (folder / "build/release").symlink_to(BIN.parent)
-            waiting, behind, fresh = None, [], 0
+            waiting, behind = None, []
+            fresh = 0  # index in `behind` of the first that belongs to the next command
             for program, arguments in steps(page):
                 if program == "write":
                     (folder / arguments[0]).write_text(arguments[1])
