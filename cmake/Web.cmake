@@ -102,7 +102,7 @@ add_module(common process SOURCES ${PROJECT_SOURCE_DIR}/common/process/NoChildWo
 add_module(common csv SOURCES ${PROJECT_SOURCE_DIR}/common/csv/Csv.cpp)
 add_module(common color SOURCES ${PROJECT_SOURCE_DIR}/common/color/Palette.cpp ${PROJECT_SOURCE_DIR}/common/color/PaletteFile.cpp)
 add_module(common text SOURCES ${PROJECT_SOURCE_DIR}/common/text/Printable.cpp ${PROJECT_SOURCE_DIR}/common/text/Suggestion.cpp)
-add_module(common threads SOURCES ${PROJECT_SOURCE_DIR}/common/threads/ThreadPool.cpp)
+add_module(common threads SOURCES ${PROJECT_SOURCE_DIR}/common/threads/Core.cpp ${PROJECT_SOURCE_DIR}/common/threads/ThreadPool.cpp)
 foreach(module apron/syntax apron/program apron/compiler apron/vm apron/library smartsurf/scene smartsurf/mesh smartsurf/model
     smartsurf/script smartsurf/surface smartsurf/world smartsurf/simulation)
   add_subdirectory(${module})

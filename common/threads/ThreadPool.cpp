@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "common/error/UserError.h"
+#include "common/threads/Core.h"
 
 namespace common {
 namespace {
@@ -94,6 +95,7 @@ bool ThreadPool::run(const Job& job) noexcept {
   const std::int64_t begin_ns = clock_ns(CLOCK_MONOTONIC);
   const WorkClock clock(spin_ns_);
   job_ = job;
+  caller_core_.store(current_core(), std::memory_order_relaxed);
   const bool is_fork = job.count == kEveryThread;
   const auto workers = static_cast<std::uint32_t>(workers_.size());
   const std::uint32_t calls = is_fork ? workers + 1 : job.count;
@@ -196,6 +198,7 @@ void ThreadPool::serve(unsigned thread) noexcept {
     wait_while(round_, round);
     round = round_.load(std::memory_order_acquire);
     if (stop_.load(std::memory_order_acquire)) return;
+    if (spins_ && caller_core_.load(std::memory_order_relaxed) == current_core()) leave_core();
     work_on(round, thread);
   }
 }

@@ -175,6 +175,7 @@ class ThreadPool {
   double spin_ns_;  // of one spin_pause()
   std::vector<std::thread> workers_;
   Job job_{};
+  std::atomic<int> caller_core_{-1};  // at the start of the job
   std::atomic<bool> stop_{false};
   // Each has cache lines of its own; cores fetch lines in pairs.
   alignas(128) std::atomic<std::uint32_t> round_{0};  // a new value: a new job, or stop

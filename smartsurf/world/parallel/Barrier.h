@@ -5,6 +5,7 @@
 #include <thread>
 #include <vector>
 
+#include "common/threads/Core.h"
 #include "common/threads/ThreadPool.h"
 
 namespace smartsurf::world {
@@ -26,6 +27,7 @@ class Barrier {
   // be followed by the member's own wait().
   void arrive(int member) {
     ArrivalSlot& own = slots_[member];
+    own.core.store(common::current_core(), std::memory_order_relaxed);
     own.arrivals.store(own.arrivals.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     notify_sleepers(own);
   }
@@ -45,6 +47,7 @@ class Barrier {
   // Aligned to two cache lines, which some cores prefetch as a pair.
   struct alignas(128) ArrivalSlot {
     std::atomic<unsigned> arrivals{0};
+    std::atomic<int> core{-1};  // of the member, when it arrived last
     bool has_reached(unsigned target) const {
       return static_cast<int>(arrivals.load(std::memory_order_acquire) - target) >= 0;
     }
@@ -62,7 +65,15 @@ class Barrier {
   }
 
   void wait_for(const ArrivalSlot& other, unsigned target) {
-    if (spins_ && common::spin_until([&] { return other.has_reached(target); })) return;
+    const std::int64_t spins = common::spins_of_this_thread;
+    if (!spins_ || !common::spin_until([&] { return other.has_reached(target); })) sleep_until(other, target);
+    // Where the other member has come on this one's core, both want it now.
+    const bool was_long = common::spins_of_this_thread - spins >= common::kSpinsPerLook;
+    if (was_long && other.core.load(std::memory_order_relaxed) == common::current_core())
+      common::leave_core();
+  }
+
+  void sleep_until(const ArrivalSlot& other, unsigned target) {
     sleeping_.fetch_add(1, std::memory_order_relaxed);
     full_fence();
     while (!other.has_reached(target)) {

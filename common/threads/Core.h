@@ -1,0 +1,18 @@
+// The processor core that a thread runs on.
+//
+// Schedulers may leave two threads of a team on one core while another is idle: each runs for so short a time
+// before it waits for the other that their caches count as hot, which keeps them from being moved, on Linux
+// for tens of milliseconds. Threads that wait for each other therefore tell each other where they run, and
+// one of two that share a core leaves it.
+#pragma once
+
+namespace common {
+
+// Of the calling thread; −1 if unknown.
+int current_core() noexcept;
+
+// Moves the calling thread to another core that it may use, if there is any; after that it may use the same
+// ones as before.
+void leave_core() noexcept;
+
+}  // namespace common

@@ -1,0 +1,49 @@
+#include "common/threads/Core.h"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+
+#include <thread>
+
+namespace {
+
+cpu_set_t allowed_cores() {
+  cpu_set_t cores;
+  EXPECT_EQ(::sched_getaffinity(0, sizeof cores, &cores), 0);
+  return cores;
+}
+
+// Allows the calling thread that core alone, so that it is there at once.
+void enter(int core) {
+  cpu_set_t only;
+  CPU_ZERO(&only);
+  CPU_SET(core, &only);
+  ASSERT_EQ(::sched_setaffinity(0, sizeof only, &only), 0);
+}
+
+}  // namespace
+
+TEST(Core, LeavesItAndMayUseTheSameOnes) {
+  const cpu_set_t before = allowed_cores();
+  if (CPU_COUNT(&before) < 2) GTEST_SKIP() << "one core";
+  int left = 0;
+  for (int attempt = 0; attempt < 20; ++attempt) {
+    const int core = common::current_core();
+    common::leave_core();
+    left += common::current_core() != core;
+    const cpu_set_t after = allowed_cores();
+    ASSERT_TRUE(CPU_EQUAL(&before, &after));
+  }
+  EXPECT_GE(left, 10);  // the system may move it in between
+}
+
+TEST(Core, StaysWhereNoOtherIsAllowed) {
+  std::thread([] {
+    const int core = common::current_core();
+    enter(core);
+    common::leave_core();
+    EXPECT_EQ(common::current_core(), core);
+    const cpu_set_t after = allowed_cores();
+    EXPECT_EQ(CPU_COUNT(&after), 1);
+  }).join();
+}
