@@ -9,25 +9,33 @@ namespace common {
 
 // After shared jobs have lost kMostLoss_ns against the caller alone, the caller works alone for so long that
 // the loss is kMostLossShare_percent of that time, at most for kMostPause_ns. Then, and at first, it must
-// have had its own core to itself for kCalm_ns of work. now_ns is the time of any steady clock.
+// have had its own core to itself for kCalm_ns of work; after a further loss for twice that, up to
+// kMostCalm_ns, until jobs have gained kMostCredit_ns. So much of what they have gained is spent before
+// losses count, because an idle machine takes a core away, too, now and then. now_ns is the time of any
+// steady clock.
 class LossBudget {
  public:
-  static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000;
-  static constexpr std::int64_t kMostLossShare_percent = 3;
+  static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000,
+                                kMostCalm_ns = 400'000'000;
+  static constexpr std::int64_t kMostLossShare_percent = 1;
+  static constexpr std::int64_t kMostCredit_ns = 5'000'000;
 
   bool allows(std::int64_t now_ns) noexcept {
-    if (is_spent_) is_spent_ = calm_ns_ < kCalm_ns || is_pause(now_ns);
+    if (is_spent_) is_spent_ = calm_ns_ < needed_calm_ns_ || is_pause(now_ns);
     return !is_spent_;
   }
   // After a loss. Jobs whose threads do not wait for each other need no calm.
   bool is_pause(std::int64_t now_ns) const noexcept { return now_ns < pause_end_ns_; }
 
-  // For a shared job. A negative loss is a gain, which counts against earlier losses only.
+  // For a shared job. A negative loss is a gain.
   void charge(std::int64_t loss_ns, std::int64_t now_ns) noexcept {
-    lost_ns_ = std::max<std::int64_t>(0, lost_ns_ + loss_ns);
+    lost_ns_ = std::max(-kMostCredit_ns, lost_ns_ + loss_ns);
+    if (lost_ns_ == -kMostCredit_ns) next_calm_ns_ = kCalm_ns;
     if (lost_ns_ <= kMostLoss_ns) return;
     pause_end_ns_ = now_ns + std::min(lost_ns_ * 100 / kMostLossShare_percent, kMostPause_ns);
     is_spent_ = true;
+    needed_calm_ns_ = next_calm_ns_;
+    next_calm_ns_ = std::min(2 * next_calm_ns_, kMostCalm_ns);
     lost_ns_ = calm_ns_ = 0;
   }
 
@@ -41,7 +49,9 @@ class LossBudget {
 
  private:
   bool is_spent_ = true;
-  std::int64_t lost_ns_ = 0;  // since shared jobs last gained as much
+  std::int64_t lost_ns_ = 0;  // by shared jobs; negative: the credit
+  std::int64_t needed_calm_ns_ = kCalm_ns;
+  std::int64_t next_calm_ns_ = kCalm_ns;  // needed after the next loss
   std::int64_t pause_end_ns_ = 0;
   std::int64_t calm_ns_ = 0;  // work of the caller alone since it last lost its core
 };

@@ -117,12 +117,12 @@ bool ThreadPool::run(const Job& job) noexcept {
        left = unfinished_.load(std::memory_order_acquire))
     wait_while(unfinished_, left);
   if (own_calls == 0) return true;
-  // The caller alone would take about as long as all threads work together. Indices are too short to be timed
-  // by each thread: those of the others take as long as the caller's.
+  // The caller alone would take about as long as all threads work together, less what it costs to share.
+  // Indices are too short to be timed by each thread: those of the others take as long as the caller's.
   const std::int64_t worked_ns =
       is_fork ? own_ns + worked_ns_.load(std::memory_order_relaxed) : own_ns * calls / own_calls;
   const std::int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
-  budget_.charge(now_ns - begin_ns - worked_ns, now_ns);
+  budget_.charge(now_ns - begin_ns - worked_ns * kWorkAlone_percent / 100, now_ns);
   return true;
 }
 

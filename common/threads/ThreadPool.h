@@ -136,6 +136,7 @@ class ThreadPool {
   // In `claim_`, beside the number of threads that have not come yet.
   static constexpr std::uint32_t kEveryThread = 0x8000'0000;
   static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the start of a job
+  static constexpr std::int64_t kWorkAlone_percent = 85;       // of the work of all threads
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;

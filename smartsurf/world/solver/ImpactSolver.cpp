@@ -183,13 +183,13 @@ void ImpactSolver::solve(const Step& step, const Member& member) {
   for (;;) {
     member.arrive_and_wait();
     if (sweeps_ == Sweeps::kNone) return;
-    run_own_sweeps(member);
+    sweep_islands(member);
+    member.arrive_and_wait();
   }
 }
 
 void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   points_.clear();
-  shares_ = true;
   find_hits(step);
   if (hits_.empty()) return;
   for (const bool is_pair : {false, true}) is_point_[is_pair].assign(step.list(is_pair).contacts.size(), 0);
@@ -229,7 +229,8 @@ void ImpactSolver::index_manifolds(const Step& step) {
   version_.resize(step.partition.row_count());
   island_.resize(bodies);
   energy_.resize(bodies);
-  passing_.assign(step.partition.row_count(), {});
+  root_.assign(step.partition.row_count(), -1);
+  island_of_root_.resize(step.partition.row_count());
   is_changed_.resize(bodies, 0);
   blow_speed_.assign(bodies, 0.0F);
   is_active_pair_.assign(pairs, 0);
@@ -521,10 +522,10 @@ void ImpactSolver::clear_points(const Step& step) {
   for (const Point& p : points_) {
     is_point(step, p.b >= 0, *p.contact) = 0;
     for (const std::int32_t row : {p.row_a, p.row_b})
-      if (row >= 0) passing_[row] = {};
+      if (row >= 0) root_[row] = -1;
   }
   points_.clear();
-  points_at_cut_ = 0;
+  joined_points_ = 0;
 }
 
 }  // namespace smartsurf::world

@@ -7,9 +7,9 @@
 // with Coulomb friction on the same impulse; then those that approach because of it, and so on. So a blow
 // travels through a row of balls one by one, and what is symmetric stays symmetric.
 //
-// One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them:
-// each member solves those of its rows in the order of the list. A body that several members touch is passed
-// on in that order, so that the impulses are those of one thread, to the bit.
+// One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them,
+// island by island. An island is swept for as long as the whole list would be, in the order of the list, so
+// that the impulses are those of sweeps over the list, to the bit.
 #pragma once
 
 #include <cstdint>
@@ -116,12 +116,17 @@ class ImpactSolver {
   struct IslandEnergy {
     float linear = 0, quadratic = 0, budget = 0;
   };
-  // A point of a member. `turn_a` and `turn_b`: its places among the points that touch its bodies, in the
-  // order of the list.
-  struct OwnPoint {
-    std::int32_t index;  // in the list
-    std::uint32_t turn_a, turn_b;
-    bool is_shared = false;  // other members touch one of its bodies, too
+  // Points that reach each other through bodies, fixed ones too.
+  struct Island {
+    std::int32_t root;
+    std::int32_t first = 0, count = 0;  // in order_
+    std::int32_t friction_sweeps = 0;
+    bool is_settled = false;  // further sweeps change nothing
+  };
+  // Islands that a member claims at once.
+  struct Chunk {
+    std::size_t first, end;  // in islands_
+    char is_claimed = 0;
   };
   // A body whose velocity has changed; `order`: by sweep, and by point in the order of the sweep.
   struct Change {
@@ -130,44 +135,23 @@ class ImpactSolver {
   };
   struct alignas(128) MemberState {
     std::vector<Candidate> candidates;
-    // ---- in shared sweeps
-    std::vector<OwnPoint> points;  // in the order of the list
-    // The points themselves. In the list they stand between those of others, which a core would fetch ahead
-    // while another writes them.
-    std::vector<Point> copies;
     std::vector<Change> changes;
-    std::uint32_t sweep = 0;  // since the sweeps were shared
-    float result[2];          // of the last two sweeps
   };
-  // By row. A cut before the row divides the sum of `across` up to it.
-  struct RowPoints {
-    std::int32_t points = 0;  // of which it is row_a
-    std::int32_t across = 0;  // points whose first row is the one before, less those whose last row is
-  };
-  // By row.
-  struct Passing {
-    std::uint32_t points = 0;  // that touch it
-    std::uint32_t turn = 0;    // how many of them were visited since the sweeps were shared
-    bool is_shared = false;    // by several members
-  };
-  // A point's visit in a sweep; `state`: of the member; null: of a single thread.
+  // A point's visit in a sweep.
   struct Visit {
-    MemberState* state;
+    std::vector<Change>& changes;
     std::uint64_t order;
   };
   enum class Sweeps { kNone, kNormals, kPoints };
 
   void solve_on_caller(const Step&, const Member&);
   void run_sweeps(const Member&, Sweeps, int max_sweeps);
-  void run_own_sweeps(const Member&);
-  void share_points(int member_count);
-  void choose_cuts(int member_count);
+  void find_islands();
+  void group_islands(int member_count);
+  void sweep_islands(const Member&);
+  void sweep_chunk(const Chunk&, std::vector<Change>&);
+  bool continue_islands();
   void take_changes();
-  float greatest_of_members(float value, const Member&);
-  void copy_points(MemberState&) const;
-  void return_points(const MemberState&);
-  void wait_for_turn(const Point&, const OwnPoint&, std::uint32_t sweep, bool is_backward);
-  void end_turn(const Point&);
   void find_hits(const Step&);
   bool meet(const Step&, Hit&) const;
   void index_manifolds(const Step&);
@@ -186,16 +170,18 @@ class ImpactSolver {
   void clear_points(const Step&);
   Point& add_point(const Step&, const Manifold&, Contact&);
   Point& add_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
-  void solve_points(int max_sweeps, const Member&);
-  void solve_normals(int max_sweeps, const Member&);
+  void solve_points(Island&, std::vector<Change>&);
+  void solve_normals(const Island&, int max_sweeps, int first_number, std::vector<Change>&);
+  bool knows_normals(const Island&) const;
   template <class Each>
-  void for_each_point(int sweep, const Member&, Each each);
+  void for_each_point(const Island&, bool is_backward, int number, std::vector<Change>&, Each each);
   std::uint32_t versions(const Point&) const;
   void apply_impulse(Point&, int axis, float impulse);
   float count_change(const Point&, float impulse_change, const Visit&);
   void solve_normal(Point&, const Visit&);
   float solve_friction(Point&, const Visit&);
   void limit_energy();
+  std::int32_t find_root(std::int32_t row);
   std::int32_t find_island(std::int32_t body);
 
   std::vector<MemberState> members_;
@@ -220,17 +206,17 @@ class ImpactSolver {
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;
-  // ---- shared sweeps
-  Barrier alone_{1};
+  // ---- sweeps
   Sweeps sweeps_ = Sweeps::kNone;  // that all members are to run
   int max_sweeps_ = 0;
-  bool shares_ = true;  // false: in this step, members have waited for each other longer than they worked
-  std::vector<std::int32_t> cut_rows_;  // by member but the first: its first row
-  std::vector<RowPoints> row_points_;   // of choose_cuts()
-  std::size_t points_at_cut_ = 0;       // 0: none was made
-  std::size_t shared_points_ = 0;       // how many of the list the members have
-  std::vector<Passing> passing_;        // by row; valid for the bodies of shared points
-  std::vector<std::int32_t> shared_rows_;
+  std::vector<std::int32_t> root_;  // by row: another of its island, or itself; −1: no point touches it
+  std::size_t joined_points_ = 0;   // how many of the list root_ knows
+  std::vector<std::int32_t> island_of_root_;
+  std::vector<Island> islands_;
+  std::vector<std::int32_t> order_;  // points, island by island, each in the order of the list
+  std::vector<Chunk> chunks_;
+  std::size_t great_islands_ = 0;           // each the only one of a chunk; these come first
+  std::int32_t least_friction_sweeps_ = 0;  // that each island takes part in
   std::vector<Change> changes_;
 };
 

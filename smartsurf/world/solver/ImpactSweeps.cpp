@@ -2,9 +2,9 @@
 // their energy.
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
-#include <limits>
+#include <span>
+#include <utility>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
@@ -13,209 +13,191 @@ namespace smartsurf::world {
 namespace {
 
 constexpr int kNormalSweeps = 32, kNormalSweepsPerFrictionSweep = 4;
-// Sweeps over fewer points stay on one thread.
-constexpr std::size_t kMinSharedPoints = 192;
+// Sweeps stay on one thread where fewer points lie outside the greatest island.
+constexpr std::size_t kMinSharedPoints = 96;
 
 using Vec = Eigen::Map<Vec3>;
 
 }  // namespace
 
-// ---- sweeps of all members
+// ---- islands
 
 void ImpactSolver::run_sweeps(const Member& member, Sweeps sweeps, int max_sweeps) {
   sweeps_ = sweeps, max_sweeps_ = max_sweeps;
-  if (member.member_count == 1 || !shares_ || points_.size() < kMinSharedPoints)
-    return run_own_sweeps({0, 1, alone_});
-  const auto begin = std::chrono::steady_clock::now();
-  share_points(member.member_count);
-  member.arrive_and_wait();
-  run_own_sweeps(member);
+  find_islands();
+  const auto greatest = static_cast<std::size_t>(std::ranges::max(islands_, {}, &Island::count).count);
+  const bool shares = member.member_count > 1 && points_.size() - greatest >= kMinSharedPoints;
+  least_friction_sweeps_ = 0;
+  do {
+    group_islands(shares ? member.member_count : 1);
+    if (shares) member.arrive_and_wait();
+    sweep_islands(member);
+    if (shares) member.arrive_and_wait();
+  } while (continue_islands());
   take_changes();
-  // Where other programs keep the cores busy, a thread alone is faster. That changes no result.
-  constexpr double kVisit_s = 40e-9;  // at most, on one thread
-  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
-  shares_ = taken.count() < kVisit_s * static_cast<double>(points_.size() * members_[member.index].sweep);
 }
 
-void ImpactSolver::run_own_sweeps(const Member& member) {
-  if (member.member_count > 1) copy_points(members_[member.index]);
-  if (sweeps_ == Sweeps::kPoints)
-    solve_points(max_sweeps_, member);
-  else
-    solve_normals(max_sweeps_, member);
-  if (member.member_count == 1) return;
-  return_points(members_[member.index]);
-  member.arrive_and_wait();
+std::int32_t ImpactSolver::find_root(std::int32_t row) {
+  while (root_[row] != row) row = root_[row] = root_[root_[row]];
+  return row;
 }
 
-// Gives the points that are new to the members.
-void ImpactSolver::share_points(int member_count) {
-  if (points_.size() >= 2 * points_at_cut_) choose_cuts(member_count);
-  const auto member_of = [&](std::int32_t row) {
-    return std::ranges::upper_bound(cut_rows_, row) - cut_rows_.begin();
-  };
-  for (; shared_points_ < points_.size(); ++shared_points_) {
-    const Point& p = points_[shared_points_];
-    const auto member = member_of(p.row_a);
-    OwnPoint& own = members_[member].points.emplace_back();
-    own.index = static_cast<std::int32_t>(shared_points_);
-    own.turn_a = passing_[p.row_a].points++;
-    if (p.row_b < 0) continue;
-    Passing& b = passing_[p.row_b];
-    own.turn_b = b.points++;
-    if (b.is_shared || member_of(p.row_b) == member) continue;
-    b.is_shared = true;
-    shared_rows_.push_back(p.row_b);
+void ImpactSolver::find_islands() {
+  for (; joined_points_ < points_.size(); ++joined_points_) {
+    const Point& p = points_[joined_points_];
+    for (const std::int32_t row : {p.row_a, p.row_b})
+      if (row >= 0 && root_[row] < 0) root_[row] = row;
+    if (p.row_b >= 0) root_[find_root(p.row_b)] = find_root(p.row_a);
   }
-  for (const std::int32_t row : shared_rows_) passing_[row].turn = 0;
-  for (MemberState& m : members_) m.changes.clear(), m.sweep = 0;
-}
-
-// Cuts the rows where each member gets about as many of the present points, and where few of these have one
-// body on either side.
-void ImpactSolver::choose_cuts(int member_count) {
-  constexpr int kPassingCost = 8;  // of a body from core to core, in visits of points
-  const auto rows = static_cast<std::int32_t>(version_.size());
-  row_points_.assign(version_.size() + 1, {});
+  islands_.clear();
+  for (const Point& p : points_) island_of_root_[find_root(p.row_a)] = -1;
   for (const Point& p : points_) {
-    ++row_points_[p.row_a].points;
-    passing_[p.row_a] = {};
-    if (p.row_b < 0) continue;
-    passing_[p.row_b] = {};
-    ++row_points_[std::min(p.row_a, p.row_b) + 1].across;
-    --row_points_[std::max(p.row_a, p.row_b) + 1].across;
-  }
-  cut_rows_.assign(member_count - 1, 0);
-  for (int m = 1; m < member_count; ++m) {
-    const double even = static_cast<double>(points_.size()) * m / member_count;
-    double least = std::numeric_limits<double>::infinity();
-    for (std::int32_t row = 0, before = 0, across = 0; row < rows; before += row_points_[row++].points) {
-      across += row_points_[row].across;
-      const double cost = std::abs(before - even) + kPassingCost * across;
-      if (cost < least) least = cost, cut_rows_[m - 1] = row;
+    const std::int32_t root = find_root(p.row_a);
+    std::int32_t& island = island_of_root_[root];
+    if (island < 0) {
+      island = static_cast<std::int32_t>(islands_.size());
+      islands_.push_back({root});
     }
-    if (m > 1) cut_rows_[m - 1] = std::max(cut_rows_[m - 1], cut_rows_[m - 2]);
+    ++islands_[island].count;
   }
-  points_at_cut_ = points_.size();
-  shared_points_ = 0;
-  shared_rows_.clear();
-  for (MemberState& m : members_) m.points.clear(), m.copies.clear();
+  std::int32_t first = 0;
+  for (Island& island : islands_) {
+    island.first = first;
+    first += island.count;
+    island_of_root_[island.root] = island.first;  // from here on: where its next point goes
+  }
+  order_.resize(points_.size());
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    order_[island_of_root_[find_root(points_[i].row_a)]++] = static_cast<std::int32_t>(i);
 }
 
-// Copies the member's new points from the list.
-void ImpactSolver::copy_points(MemberState& own) const {
-  for (std::size_t k = own.copies.size(); k < own.points.size(); ++k)
-    own.copies.push_back(points_[own.points[k].index]);
-  for (std::size_t k = 0; k < own.points.size(); ++k) {
-    const Point& p = own.copies[k];
-    own.points[k].is_shared = passing_[p.row_a].is_shared || (p.row_b >= 0 && passing_[p.row_b].is_shared);
+// Islands with more than a member's share come first, the others in the order of the rows: what members write
+// at the same time lies apart.
+void ImpactSolver::group_islands(int member_count) {
+  constexpr int kChunksPerMember = 4;
+  chunks_.clear();
+  if (member_count == 1) {
+    chunks_.push_back({0, islands_.size()});
+    great_islands_ = 0;
+    return;
+  }
+  const auto points = static_cast<std::int32_t>(points_.size());
+  const auto is_great = [&](const Island& island) { return island.count > points / member_count; };
+  std::ranges::sort(islands_, {},
+                    [&](const Island& island) { return std::pair(!is_great(island), island.root); });
+  const auto others = std::ranges::find_if_not(islands_, is_great);
+  great_islands_ = others - islands_.begin();
+  for (std::size_t i = 0; i < great_islands_; ++i) chunks_.push_back({i, i + 1});
+  std::int32_t in_chunk = 0;
+  for (std::size_t i = great_islands_; i < islands_.size(); ++i) {
+    if (in_chunk == 0) chunks_.push_back({i, i});
+    ++chunks_.back().end;
+    in_chunk += islands_[i].count;
+    if (in_chunk * kChunksPerMember * member_count >= points) in_chunk = 0;
   }
 }
 
-// Writes to the list what the sweeps have changed.
-void ImpactSolver::return_points(const MemberState& own) {
-  for (std::size_t k = 0; k < own.points.size(); ++k) {
-    Point& p = points_[own.points[k].index];
-    p.impulse = own.copies[k].impulse;
-    p.seen_normal = own.copies[k].seen_normal, p.seen_friction = own.copies[k].seen_friction;
+// Members claim the great islands and then chunks, each from its share on, so that a body stays in the cache
+// of a core.
+void ImpactSolver::sweep_islands(const Member& member) {
+  std::vector<Change>& changes = members_[member.index].changes;
+  const auto claim = [&](Chunk& chunk) {
+    if (std::atomic_ref(chunk.is_claimed).exchange(1, std::memory_order_relaxed) == 0)
+      sweep_chunk(chunk, changes);
+  };
+  const std::span great(chunks_.data(), great_islands_), others = std::span(chunks_).subspan(great_islands_);
+  for (Chunk& chunk : great) claim(chunk);
+  const std::size_t begin = others.size() * member.index / member.member_count;
+  for (std::size_t k = begin; k < others.size(); ++k) claim(others[k]);
+  for (std::size_t k = 0; k < begin; ++k) claim(others[k]);
+}
+
+void ImpactSolver::sweep_chunk(const Chunk& chunk, std::vector<Change>& changes) {
+  for (std::size_t i = chunk.first; i < chunk.end; ++i) {
+    Island& island = islands_[i];
+    if (sweeps_ == Sweeps::kNormals)
+      solve_normals(island, max_sweeps_, 0, changes);
+    else if (!island.is_settled &&
+             (island.friction_sweeps == 0 || island.friction_sweeps < least_friction_sweeps_))
+      solve_points(island, changes);
   }
 }
 
-// The bodies that the members have changed, in the order in which one thread would have.
+// Sweeps over the whole list go on while a point of any island changes. Returns whether islands are left that
+// such a sweep would change.
+bool ImpactSolver::continue_islands() {
+  if (sweeps_ == Sweeps::kNormals) return false;
+  for (const Island& island : islands_)
+    least_friction_sweeps_ = std::max(least_friction_sweeps_, island.friction_sweeps);
+  return std::ranges::any_of(islands_, [this](const Island& island) {
+    return !island.is_settled && island.friction_sweeps < least_friction_sweeps_;
+  });
+}
+
+// The bodies that the sweeps have changed, in the order in which those over the list would have.
 void ImpactSolver::take_changes() {
   changes_.clear();
-  for (const MemberState& m : members_) changes_.insert(changes_.end(), m.changes.begin(), m.changes.end());
+  for (MemberState& m : members_) {
+    changes_.insert(changes_.end(), m.changes.begin(), m.changes.end());
+    m.changes.clear();
+  }
   std::ranges::sort(changes_, {}, &Change::order);
   for (const Change& c : changes_) changed_bodies_.push_back(c.body);
-}
-
-// The greatest of all members' values, at the end of a sweep.
-float ImpactSolver::greatest_of_members(float value, const Member& member) {
-  if (member.member_count == 1) return value;
-  MemberState& own = members_[member.index];
-  // A member reads the results of one sweep while others write the next.
-  const std::uint32_t slot = own.sweep++ % 2;
-  own.result[slot] = value;
-  member.arrive_and_wait();
-  for (const MemberState& m : members_) value = std::max(value, m.result[slot]);
-  return value;
-}
-
-void ImpactSolver::wait_for_turn(const Point& p, const OwnPoint& own, std::uint32_t sweep, bool is_backward) {
-  const auto wait = [&](std::int32_t row, std::uint32_t turn) {
-    Passing& passing = passing_[row];
-    if (!passing.is_shared) return;
-    const std::uint32_t wanted = sweep * passing.points + (is_backward ? passing.points - 1 - turn : turn);
-    const std::atomic_ref<std::uint32_t> turns_so_far(passing.turn);
-    if (common::spin_until([&] { return turns_so_far.load(std::memory_order_acquire) == wanted; })) return;
-    for (std::uint32_t now = 0; (now = turns_so_far.load(std::memory_order_acquire)) != wanted;)
-      turns_so_far.wait(now, std::memory_order_acquire);
-  };
-  wait(p.row_a, own.turn_a);
-  if (p.row_b >= 0) wait(p.row_b, own.turn_b);
-}
-
-void ImpactSolver::end_turn(const Point& p) {
-  for (const std::int32_t row : {p.row_a, p.row_b}) {
-    if (row < 0 || !passing_[row].is_shared) continue;
-    const std::atomic_ref<std::uint32_t> turns_so_far(passing_[row].turn);
-    turns_so_far.fetch_add(1);
-    turns_so_far.notify_all();
-  }
 }
 
 // ---- impulses
 
 // Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both,
 // and the body is to stick, not to shoot out.
-void ImpactSolver::solve_points(int max_sweeps, const Member& member) {
-  // After the members' last barrier the caller may set that of the next generation.
-  const float tolerance = tolerance_;
-  solve_normals(kNormalSweeps, member);
-  for (int sweep = 0; sweep < max_sweeps; ++sweep) {
+void ImpactSolver::solve_points(Island& island, std::vector<Change>& changes) {
+  constexpr int kSweepsPerFrictionSweep = 1 + kNormalSweepsPerFrictionSweep;
+  const auto number_of = [](int friction_sweep) {
+    return kNormalSweeps + friction_sweep * kSweepsPerFrictionSweep;
+  };
+  if (island.friction_sweeps == 0) solve_normals(island, kNormalSweeps, 0, changes);
+  for (int sweep = island.friction_sweeps;; ++sweep) {
+    if (sweep > 0) solve_normals(island, kNormalSweepsPerFrictionSweep, number_of(sweep - 1) + 1, changes);
     float greatest_change = 0.0F;
-    for_each_point(sweep, member, [&](Point& p, const Visit& visit) {
+    for_each_point(island, sweep % 2 != 0, number_of(sweep), changes, [&](Point& p, const Visit& visit) {
       if (p.friction > 0.0F && p.seen_friction != versions(p))
         greatest_change = std::max(greatest_change, solve_friction(p, visit));
     });
-    if (greatest_of_members(greatest_change, member) < tolerance || sweep + 1 == max_sweeps) break;
-    solve_normals(kNormalSweepsPerFrictionSweep, member);
+    island.friction_sweeps = sweep + 1;
+    island.is_settled = sweep + 1 == max_sweeps_ || (greatest_change < tolerance_ && knows_normals(island));
+    if (island.is_settled || (greatest_change < tolerance_ && sweep + 1 >= least_friction_sweeps_)) return;
   }
 }
 
-void ImpactSolver::solve_normals(int max_sweeps, const Member& member) {
-  for (int sweep = 0; sweep < max_sweeps; ++sweep) {
-    bool any = false;
-    for_each_point(sweep, member, [&](Point& p, const Visit& visit) {
+void ImpactSolver::solve_normals(const Island& island, int max_sweeps, int first_number,
+                                 std::vector<Change>& changes) {
+  bool any = true;
+  for (int sweep = 0; any && sweep < max_sweeps; ++sweep) {
+    any = false;
+    for_each_point(island, sweep % 2 != 0, first_number + sweep, changes, [&](Point& p, const Visit& visit) {
       if (p.seen_normal == versions(p)) return;
       any = true;
       solve_normal(p, visit);
     });
-    if (greatest_of_members(any ? 1.0F : 0.0F, member) == 0.0F) break;
   }
 }
 
-// Back and forth, so that no end of the list is favoured.
+// Whether no normal has to be solved again.
+bool ImpactSolver::knows_normals(const Island& island) const {
+  const std::span points(order_.data() + island.first, static_cast<std::size_t>(island.count));
+  return std::ranges::all_of(
+      points, [this](std::int32_t i) { return points_[i].seen_normal == versions(points_[i]); });
+}
+
+// Back and forth, so that no end of the list is favoured. `number`: of the sweep, since the first over these
+// points.
 template <class Each>
-void ImpactSolver::for_each_point(int sweep, const Member& member, Each each) {
-  const bool is_backward = sweep % 2 != 0;
-  const auto visit_in_order = [is_backward](std::size_t count, auto visit) {
-    if (is_backward)
-      for (std::size_t i = count; i-- > 0;) visit(i);
-    else
-      for (std::size_t i = 0; i < count; ++i) visit(i);
-  };
-  if (member.member_count == 1)
-    return visit_in_order(points_.size(), [&](std::size_t i) { each(points_[i], Visit{nullptr, 0}); });
-  MemberState& own = members_[member.index];
-  visit_in_order(own.points.size(), [&](std::size_t i) {
-    const OwnPoint& at = own.points[i];
-    Point& p = own.copies[i];
-    const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - at.index : at.index);
-    if (at.is_shared) wait_for_turn(p, at, own.sweep, is_backward);
-    each(p, Visit{&own, static_cast<std::uint64_t>(own.sweep) << 32U | place << 1U});
-    if (at.is_shared) end_turn(p);
-  });
+void ImpactSolver::for_each_point(const Island& island, bool is_backward, int number,
+                                  std::vector<Change>& changes, Each each) {
+  for (std::int32_t k = 0; k < island.count; ++k) {
+    const std::int32_t i = order_[is_backward ? island.first + island.count - 1 - k : island.first + k];
+    const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
+    each(points_[i], Visit{changes, static_cast<std::uint64_t>(number) << 32U | place << 1U});
+  }
 }
 
 // A number that changes whenever the velocity of one of the two bodies does.
@@ -241,12 +223,9 @@ float ImpactSolver::count_change(const Point& p, float impulse_change, const Vis
   if (p.row_b >= 0) ++version_[p.row_b];
   for (const std::int32_t body : {p.a, p.b}) {
     if (body < 0) continue;
-    if (visit.state == nullptr) {
-      mark_changed(body);
-    } else if (!is_changed_[body]) {
-      is_changed_[body] = 1;
-      visit.state->changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
-    }
+    if (is_changed_[body]) continue;
+    is_changed_[body] = 1;
+    visit.changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
   }
   return change;
 }

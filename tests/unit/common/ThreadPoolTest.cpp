@@ -167,14 +167,14 @@ TEST(LossBudget, LossesAreAFewPercentOfTheTime) {
   std::int64_t now_ns = 0, lost_ns = 0;
   for (int job = 0; job < 20; ++job) {
     now_ns += kMillisecond * time_until_allowed(budget, now_ns);
-    EXPECT_LE(100 * lost_ns, 3 * now_ns) << job;
+    EXPECT_LE(100 * lost_ns, LossBudget::kMostLossShare_percent * now_ns) << job;
     const std::int64_t loss_ns = (1 + job % 5) * kMillisecond;
     lost_ns += loss_ns, now_ns += loss_ns;
     budget.charge(loss_ns, now_ns);
   }
 }
 
-TEST(LossBudget, GainsOutweighEarlierLossesOnly) {
+TEST(LossBudget, SpendsWhatJobsHaveGained) {
   LossBudget budget;
   time_until_allowed(budget, 0);
   for (int job = 0; job < 100; ++job) {
@@ -183,8 +183,26 @@ TEST(LossBudget, GainsOutweighEarlierLossesOnly) {
     ASSERT_TRUE(budget.allows(0));
   }
   budget.charge(-100 * kMillisecond, 0);
+  budget.charge(LossBudget::kMostCredit_ns, 0);  // no more than that is kept
+  EXPECT_TRUE(budget.allows(0));
   budget.charge(kMillisecond, 0);
   EXPECT_FALSE(budget.allows(0));
+}
+
+TEST(LossBudget, WaitsLongerAfterEachLossUntilJobsGain) {
+  LossBudget budget;
+  std::int64_t now_ns = kMillisecond * time_until_allowed(budget, 0);
+  const auto calm_after_loss = [&] {
+    budget.charge(kMillisecond, now_ns);
+    now_ns += 10'000 * kMillisecond;  // the pause is over
+    const std::int64_t ms = time_until_allowed(budget, now_ns);
+    now_ns += ms * kMillisecond;
+    return ms;
+  };
+  for (const std::int64_t ms : {50, 100, 200, 400, 400}) EXPECT_EQ(calm_after_loss(), ms);
+  budget.charge(-LossBudget::kMostCredit_ns, now_ns);
+  budget.charge(LossBudget::kMostCredit_ns, now_ns);
+  EXPECT_EQ(calm_after_loss(), 50);
 }
 
 // A stop of the whole machine is no reason to stay alone for minutes.
