@@ -18,7 +18,7 @@ class LossBudget {
   static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000,
                                 kMostCalm_ns = 400'000'000;
   static constexpr std::int64_t kMostLossShare_percent = 1;
-  static constexpr std::int64_t kMostCredit_ns = 5'000'000;
+  static constexpr std::int64_t kMostCredit_ns = 5'000'000, kWatchInterval_ns = 4'000'000;
 
   bool allows(std::int64_t now_ns) noexcept {
     if (is_spent_) is_spent_ = calm_ns_ < needed_calm_ns_ || is_pause(now_ns);
@@ -39,12 +39,18 @@ class LossBudget {
     lost_ns_ = calm_ns_ = 0;
   }
 
+  // Whether the caller has to measure the processor time of its next job alone. It does so rarely: Linux
+  // prefers to take the core from a thread that enters the kernel.
+  bool is_watch_due() const noexcept { return unwatched_ns_ >= kWatchInterval_ns; }
+  // For a job that the caller did alone, unmeasured.
+  void pass_alone(std::int64_t wall_ns) noexcept { unwatched_ns_ += wall_ns; }
   // For a job that the caller did alone, in wall_ns, of which it had a core for cpu_ns. Where it loses its
   // core, there are more programs than cores; a little goes to the system itself.
   void watch_alone(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
     constexpr std::int64_t kSystem_ns = 50'000, kSystemShare_percent = 5;
     const bool lost_core = wall_ns - cpu_ns > kSystem_ns + wall_ns * kSystemShare_percent / 100;
-    calm_ns_ = lost_core ? 0 : calm_ns_ + wall_ns;
+    calm_ns_ = lost_core ? 0 : calm_ns_ + unwatched_ns_ + wall_ns;
+    unwatched_ns_ = 0;
   }
 
  private:
@@ -52,6 +58,7 @@ class LossBudget {
   std::int64_t lost_ns_ = 0;  // by shared jobs; negative: the credit
   std::int64_t needed_calm_ns_ = kCalm_ns;
   std::int64_t next_calm_ns_ = kCalm_ns;  // needed after the next loss
+  std::int64_t unwatched_ns_ = 0;
   std::int64_t pause_end_ns_ = 0;
   std::int64_t calm_ns_ = 0;  // work of the caller alone since it last lost its core
 };

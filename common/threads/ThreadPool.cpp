@@ -48,9 +48,8 @@ class WorkClock {
 
 }  // namespace
 
-ThreadPool::Times ThreadPool::Times::now() noexcept {
-  return {clock_ns(CLOCK_MONOTONIC), clock_ns(CLOCK_THREAD_CPUTIME_ID)};
-}
+std::int64_t ThreadPool::now_ns() noexcept { return clock_ns(CLOCK_MONOTONIC); }
+std::int64_t ThreadPool::cpu_ns() noexcept { return clock_ns(CLOCK_THREAD_CPUTIME_ID); }
 
 ThreadPool::ThreadPool(int threads, double min_cost_ns)
     : min_cost_ns_(min_cost_ns),

@@ -143,22 +143,23 @@ class ThreadPool {
     const void* of;
     std::uint32_t count;  // indices to claim, or kEveryThread
   };
-  struct Times {
-    std::int64_t wall_ns, cpu_ns;
-    static Times now() noexcept;
-  };
-
   bool is_single() const noexcept { return workers_.empty(); }
   bool always_shares() const noexcept { return min_cost_ns_ == 0.0; }
   bool has_cores() noexcept;
   bool is_pause() const noexcept;
+  static std::int64_t now_ns() noexcept;
+  static std::int64_t cpu_ns() noexcept;  // of this thread
   template <class Alone>
   void work_alone(const Alone& alone) {
     if (is_single()) return alone();
-    const Times begin = Times::now();
+    const bool is_watched = budget_.is_watch_due();
+    const std::int64_t begin_ns = now_ns(), begin_cpu_ns = is_watched ? cpu_ns() : 0;
     alone();
-    const Times end = Times::now();
-    budget_.watch_alone(end.wall_ns - begin.wall_ns, end.cpu_ns - begin.cpu_ns);
+    const std::int64_t own_ns = is_watched ? cpu_ns() - begin_cpu_ns : 0, wall_ns = now_ns() - begin_ns;
+    if (is_watched)
+      budget_.watch_alone(wall_ns, own_ns);
+    else
+      budget_.pass_alone(wall_ns);
   }
   bool run(const Job&) noexcept;
   bool all_come(std::uint32_t round) noexcept;

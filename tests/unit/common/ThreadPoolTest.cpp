@@ -205,6 +205,19 @@ TEST(LossBudget, WaitsLongerAfterEachLossUntilJobsGain) {
   EXPECT_EQ(calm_after_loss(), 50);
 }
 
+TEST(LossBudget, WatchesFewJobs) {
+  LossBudget budget;
+  int watched = 0, jobs = 0;
+  for (; jobs < 1000 && !budget.allows(0); ++jobs) {
+    if (budget.is_watch_due())
+      budget.watch_alone(kMillisecond / 2, kMillisecond / 2), ++watched;
+    else
+      budget.pass_alone(kMillisecond / 2);
+  }
+  EXPECT_NEAR(jobs, 100, 9);  // 50 ms
+  EXPECT_EQ(watched, jobs / 9);
+}
+
 // A stop of the whole machine is no reason to stay alone for minutes.
 TEST(LossBudget, PausesEnd) {
   LossBudget budget;
