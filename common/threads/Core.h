@@ -8,7 +8,7 @@
 
 namespace common {
 
-// Of the calling thread; −1 if unknown.
+// Returns the core of the calling thread; −1 if unknown.
 int current_core() noexcept;
 
 // Moves the calling thread to another core that it may use, if there is any; after that it may use the same

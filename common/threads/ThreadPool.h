@@ -143,6 +143,7 @@ class ThreadPool {
     const void* of;
     std::uint32_t count;  // indices to claim, or kEveryThread
   };
+
   bool is_single() const noexcept { return workers_.empty(); }
   bool always_shares() const noexcept { return min_cost_ns_ == 0.0; }
   bool has_cores() noexcept;

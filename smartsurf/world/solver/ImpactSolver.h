@@ -172,7 +172,7 @@ class ImpactSolver {
   Point& add_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
   void solve_points(Island&, std::vector<Change>&);
   void solve_normals(const Island&, int max_sweeps, int first_number, std::vector<Change>&);
-  bool knows_normals(const Island&) const;
+  bool normals_are_solved(const Island&) const;
   template <class Each>
   void for_each_point(const Island&, bool is_backward, int number, std::vector<Change>&, Each each);
   std::uint32_t versions(const Point&) const;
@@ -181,8 +181,6 @@ class ImpactSolver {
   void solve_normal(Point&, const Visit&);
   float solve_friction(Point&, const Visit&);
   void limit_energy();
-  std::int32_t find_root(std::int32_t row);
-  std::int32_t find_island(std::int32_t body);
 
   std::vector<MemberState> members_;
   std::vector<Hit> hits_;

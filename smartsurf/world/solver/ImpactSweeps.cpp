@@ -18,6 +18,12 @@ constexpr std::size_t kMinSharedPoints = 96;
 
 using Vec = Eigen::Map<Vec3>;
 
+// The root of i in a union-find forest; the path to it is halved.
+std::int32_t find_root(std::vector<std::int32_t>& parent, std::int32_t i) {
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
 }  // namespace
 
 // ---- islands
@@ -37,22 +43,17 @@ void ImpactSolver::run_sweeps(const Member& member, Sweeps sweeps, int max_sweep
   take_changes();
 }
 
-std::int32_t ImpactSolver::find_root(std::int32_t row) {
-  while (root_[row] != row) row = root_[row] = root_[root_[row]];
-  return row;
-}
-
 void ImpactSolver::find_islands() {
   for (; joined_points_ < points_.size(); ++joined_points_) {
     const Point& p = points_[joined_points_];
     for (const std::int32_t row : {p.row_a, p.row_b})
       if (row >= 0 && root_[row] < 0) root_[row] = row;
-    if (p.row_b >= 0) root_[find_root(p.row_b)] = find_root(p.row_a);
+    if (p.row_b >= 0) root_[find_root(root_, p.row_b)] = find_root(root_, p.row_a);
   }
   islands_.clear();
-  for (const Point& p : points_) island_of_root_[find_root(p.row_a)] = -1;
+  for (const Point& p : points_) island_of_root_[find_root(root_, p.row_a)] = -1;
   for (const Point& p : points_) {
-    const std::int32_t root = find_root(p.row_a);
+    const std::int32_t root = find_root(root_, p.row_a);
     std::int32_t& island = island_of_root_[root];
     if (island < 0) {
       island = static_cast<std::int32_t>(islands_.size());
@@ -68,7 +69,7 @@ void ImpactSolver::find_islands() {
   }
   order_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i)
-    order_[island_of_root_[find_root(points_[i].row_a)]++] = static_cast<std::int32_t>(i);
+    order_[island_of_root_[find_root(root_, points_[i].row_a)]++] = static_cast<std::int32_t>(i);
 }
 
 // Islands with more than a member's share come first, the others in the order of the rows: what members write
@@ -163,7 +164,8 @@ void ImpactSolver::solve_points(Island& island, std::vector<Change>& changes) {
         greatest_change = std::max(greatest_change, solve_friction(p, visit));
     });
     island.friction_sweeps = sweep + 1;
-    island.is_settled = sweep + 1 == max_sweeps_ || (greatest_change < tolerance_ && knows_normals(island));
+    island.is_settled =
+        sweep + 1 == max_sweeps_ || (greatest_change < tolerance_ && normals_are_solved(island));
     if (island.is_settled || (greatest_change < tolerance_ && sweep + 1 >= least_friction_sweeps_)) return;
   }
 }
@@ -181,8 +183,8 @@ void ImpactSolver::solve_normals(const Island& island, int max_sweeps, int first
   }
 }
 
-// Whether no normal has to be solved again.
-bool ImpactSolver::knows_normals(const Island& island) const {
+// Whether no velocity has changed since each normal was solved.
+bool ImpactSolver::normals_are_solved(const Island& island) const {
   const std::span points(order_.data() + island.first, static_cast<std::size_t>(island.count));
   return std::ranges::all_of(
       points, [this](std::int32_t i) { return points_[i].seen_normal == versions(points_[i]); });
@@ -257,12 +259,6 @@ float ImpactSolver::solve_friction(Point& p, const Visit& visit) {
 
 // ---- energy
 
-std::int32_t ImpactSolver::find_island(std::int32_t body) {
-  auto parent = [this](std::int32_t i) -> std::int32_t& { return island_[i]; };
-  while (parent(body) != body) body = parent(body) = parent(parent(body));
-  return body;
-}
-
 // Newton's law with friction may add energy to bodies that are hit off-centre. Scales the impulses of each
 // island down to where they do not.
 void ImpactSolver::limit_energy() {
@@ -274,12 +270,12 @@ void ImpactSolver::limit_energy() {
       }
   for (const Point& p : points_) {
     if (p.b < 0 || p.velocity_a->inverse_mass == 0.0F || p.velocity_b->inverse_mass == 0.0F) continue;
-    const std::int32_t a = find_island(p.a), b = find_island(p.b);
+    const std::int32_t a = find_root(island_, p.a), b = find_root(island_, p.b);
     island_[std::max(a, b)] = std::min(a, b);
   }
   auto energy_of = [this](const Point& p) -> IslandEnergy& {
     const bool a_moves = p.velocity_a->inverse_mass > 0.0F;
-    return energy_[find_island(a_moves || p.b < 0 ? p.a : p.b)];
+    return energy_[find_root(island_, a_moves || p.b < 0 ? p.a : p.b)];
   };
   for (const Point& p : points_) {
     const Vec3 v = p.velocity();

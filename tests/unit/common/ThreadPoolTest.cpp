@@ -162,7 +162,7 @@ TEST(LossBudget, SharesOnceTheCallerIsUndisturbed) {
   EXPECT_TRUE(budget.allows(1));
 }
 
-TEST(LossBudget, LossesAreAFewPercentOfTheTime) {
+TEST(LossBudget, LossesAreASmallShareOfTheTime) {
   LossBudget budget;
   std::int64_t now_ns = 0, lost_ns = 0;
   for (int job = 0; job < 20; ++job) {
