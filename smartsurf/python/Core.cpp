@@ -260,7 +260,7 @@ class Simulation {
 
   const Environment& environment() const { return environment_; }
   Array<float> observation() const { return observation_; }
-  py::dict objects() { return objects_.get(environment_.simulation().snapshot()); }
+  py::dict objects() { return objects_.get(environment_.simulation().partial_snapshot()); }
 
   void set_targets(int channel, const Array<float>& values) {
     const Exclusive use(in_use_);
@@ -326,7 +326,7 @@ class Simulation {
     const Exclusive use(in_use_);
     python::place(environment_, field, ids, readable(values));
     recording_.mark_intervention(environment_);
-    objects_.update(environment_.simulation().snapshot());
+    objects_.update(environment_.simulation().partial_snapshot());
   }
   void set_wrenches(const std::vector<std::uint32_t>& ids, const Array<double>& values) {
     const Exclusive use(in_use_);
@@ -361,7 +361,7 @@ class Simulation {
  private:
   void refresh() {
     environment_.observe(writable(observation_));
-    objects_.update(environment_.simulation().snapshot());
+    objects_.update(environment_.simulation().partial_snapshot());
   }
 
   std::atomic_flag in_use_;

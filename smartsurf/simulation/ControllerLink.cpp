@@ -50,7 +50,7 @@ bool ControllerLink::command(Simulation& simulation) {
     frame_[i] = whole_readings_[i];
   }
   if (!occupancy_.empty()) frame_.back() = occupancy_;
-  const scene::Snapshot& snapshot = simulation.snapshot_without_hash();
+  const scene::Snapshot& snapshot = simulation.partial_snapshot();
   switch (controller_->answer({snapshot.tick, snapshot.time_s, frame_}, answer_)) {
     case common::ControllerStatus::kEnded:
       return false;

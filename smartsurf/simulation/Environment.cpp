@@ -17,7 +17,7 @@ namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '6'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '7'};
   std::uint64_t fingerprint = 0, seed = 0;
   std::uint64_t hash = 0;  // of all that follows
 };
@@ -135,7 +135,7 @@ void Environment::start_simulation() {
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
                                              /*scripted_actuators=*/options_.controller == nullptr);
   engine_version_ = simulation_->engine().version();
-  simulation_->hash_when_asked();
+  simulation_->complete_snapshots_when_asked();
   if (options_.controller) {
     if (!controller_) controller_.emplace(options_.controller);
     controller_->start_episode(scene());
@@ -351,7 +351,7 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
   s.finish_tick();
   s.sense();
   prefetch.fetch_part();
-  experiment_->update_metrics(s.snapshot_without_hash().time_s, s.snapshot_without_hash().tick);
+  experiment_->update_metrics(s.partial_snapshot().time_s, s.partial_snapshot().tick);
   failed_ = false;
   return true;
 }
@@ -359,8 +359,8 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
 StepResult Environment::step(std::span<const std::byte> prefetched) {
   const bool has_advanced = advance(prefetched);
   Simulation& s = running();
-  const double time_s = s.snapshot_without_hash().time_s;
-  const std::uint64_t tick = s.snapshot_without_hash().tick;
+  const double time_s = s.partial_snapshot().time_s;
+  const std::uint64_t tick = s.partial_snapshot().tick;
   StepResult result;
   result.reward = experiment_->reward(time_s, tick);
   result.success = experiment_->success(time_s, tick).has_value();
@@ -377,7 +377,7 @@ std::vector<script::Experiment::InfoField> Environment::info_fields() const {
 }
 
 void Environment::info(std::span<double> values) {
-  const scene::Snapshot& snapshot = running().snapshot_without_hash();
+  const scene::Snapshot& snapshot = running().partial_snapshot();
   const std::vector<scene::Variation>& vary = simulation_->nuisances();
   experiment_->info(snapshot.time_s, snapshot.tick, values.first(values.size() - vary.size()));
   std::ranges::transform(vary, values.last(vary.size()).begin(),

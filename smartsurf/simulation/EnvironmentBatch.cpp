@@ -177,7 +177,7 @@ void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateAr
   if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
   if (!a.seeds.empty()) a.seeds[i] = environment.seed();
   if (!a.success.empty()) a.success[i] = outcome.success ? 1 : 0;
-  if (!a.time.empty()) a.time[i] = environment.simulation().snapshot_without_hash().time_s;
+  if (!a.time.empty()) a.time[i] = environment.simulation().partial_snapshot().time_s;
   write_objects(i, a);
   if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = outcome.nonfinite_actions;
 }
@@ -201,7 +201,7 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
 
 void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const {
   if (a.objects.empty()) return;
-  const scene::Snapshot& snapshot = worlds_[i].environment->simulation().snapshot_without_hash();
+  const scene::Snapshot& snapshot = worlds_[i].environment->simulation().partial_snapshot();
   const std::size_t size = object_count_ * kObjectStateSize;
   const std::span<float> out = a.objects.subspan(i * size, size);
   if (snapshot.object_count() < object_count_ || snapshot.id[object_count_ - 1] != object_count_ - 1)

@@ -142,16 +142,17 @@ bool Simulation::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) {
 void Simulation::commit_actuators() noexcept { actuator_array_.commit(scene().world.dt_s); }
 
 void Simulation::take_snapshot() {
-  lacks_hash_ = hashes_when_asked_;
-  engine_->snapshot(snapshot_, !lacks_hash_);
-  actuator_array_.write_cell_motion(snapshot_.actuator_state);
+  is_partial_ = completes_when_asked_;
+  engine_->snapshot(snapshot_, !is_partial_);
+  if (!is_partial_) actuator_array_.write_cell_motion(snapshot_.actuator_state);
   actuator_array_.write_joint_positions(snapshot_.joint_position);
 }
 
 // Before anything changes the state after the tick.
-void Simulation::add_hash() const {
-  lacks_hash_ = false;
+void Simulation::complete_snapshot() const {
+  is_partial_ = false;
   engine_->snapshot(snapshot_);
+  actuator_array_.write_cell_motion(snapshot_.actuator_state);
 }
 
 void Simulation::finish_tick() {

@@ -74,14 +74,14 @@ class Simulation final : public script::SimulationInterface {
   // The state after the last tick.
 
   const scene::Snapshot& snapshot() const {
-    if (lacks_hash_) add_hash();
+    if (is_partial_) complete_snapshot();
     return snapshot_;
   }
-  // The same, but the hash may be that of an earlier tick.
-  const scene::Snapshot& snapshot_without_hash() const noexcept { return snapshot_; }
-  // From now on a tick's state is hashed only if snapshot() is called: the hash takes a few per cent of a
-  // small world's step.
-  void hash_when_asked() noexcept { hashes_when_asked_ = true; }
+  // The same, but the hash and the actuators' state may be those of an earlier tick.
+  const scene::Snapshot& partial_snapshot() const noexcept { return snapshot_; }
+  // From now on a tick's snapshot is completed only if snapshot() is called: hash and actuators' state take a
+  // few per cent of a small world's step.
+  void complete_snapshots_when_asked() noexcept { completes_when_asked_ = true; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
   // Every joint ever created, index = id.
@@ -140,7 +140,7 @@ class Simulation final : public script::SimulationInterface {
   void require_scripted_actuators() const;
   void collect_channels();
   void take_snapshot();
-  void add_hash() const;
+  void complete_snapshot() const;
   void archive_object(common::StateArchive&, scene::ObjectSpec&);
   int find_actuator_channel(const std::string& name) const;
   int find_sensor_channel(const std::string& name) const;
@@ -163,8 +163,8 @@ class Simulation final : public script::SimulationInterface {
   };
   std::vector<ObjectWrench> wrenches_;  // of set_wrench(), but those that are zero, ascending by id
   mutable scene::Snapshot snapshot_;
-  bool hashes_when_asked_ = false;
-  mutable bool lacks_hash_ = false;
+  bool completes_when_asked_ = false;
+  mutable bool is_partial_ = false;
   bool tick_started_ = false;  // actuator_array_.begin_tick() was called for the current tick
   std::vector<scene::ChannelData> sensors_, actuators_;
   ScriptRequests requests_;

@@ -208,18 +208,20 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
       std::span(commands.runs)
           .subspan(first_run - commands.runs.begin(), std::max<std::ptrdiff_t>(0, end_run - first_run));
   std::atomic<std::uint64_t> replaced = 0, nan = 0;
+  std::atomic<bool> changed = false;
   const auto clamp_runs = [&](int begin, int end) {
-    const ReplacedCommands count = clamp_commands(runs.subspan(begin, end - begin), {first_cell, end_cell},
-                                                  targets.data(), low, high, safe, commands.values.data());
-    replaced.fetch_add(count.clamped + count.nan, std::memory_order_relaxed);
-    nan.fetch_add(count.nan, std::memory_order_relaxed);
+    const CommandUpdate update = clamp_commands(runs.subspan(begin, end - begin), {first_cell, end_cell},
+                                                targets.data(), low, high, safe, commands.values.data());
+    replaced.fetch_add(update.clamped + update.nan, std::memory_order_relaxed);
+    nan.fetch_add(update.nan, std::memory_order_relaxed);
+    if (update.changed) changed.store(true, std::memory_order_relaxed);
   };
   const int count = static_cast<int>(runs.size());
   if (pool_ != nullptr)
     pool_->parallel_for_rows(count, kCommandCost_ns * static_cast<double>(targets.size()), clamp_runs);
   else
     clamp_runs(0, count);
-  commands.dirty = true;
+  commands.dirty |= changed;
   nan_targets_ += nan;
   return replaced;
 }

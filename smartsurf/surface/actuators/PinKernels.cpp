@@ -2,6 +2,7 @@
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #undef HWY_TARGET_INCLUDE
@@ -59,14 +60,14 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
   return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);
 }
 
-ReplacedCommands clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low,
-                                           float high, float safe, float* all_commands) {
-  ReplacedCommands replaced;
+CommandUpdate clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low,
+                                        float high, float safe, float* all_commands) {
+  CommandUpdate update;
   for (const CellRun& run : runs) {
     const CellRun cells = common_cells(run, within);
     const std::size_t n = length_of(cells);
     float* const commands = all_commands + cells.begin;
-    replaced += with_vectors_for(n, [=](auto d) HWY_ATTR {
+    update += with_vectors_for(n, [=](auto d) HWY_ATTR {
       std::size_t kept = 0, numbers = 0;
       for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
         const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low),
@@ -79,10 +80,10 @@ ReplacedCommands clamp_commands_for_target(std::span<const CellRun> runs, const 
         kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
         hn::StoreU(result, d, commands + i);
       });
-      return ReplacedCommands{numbers - kept, n - numbers};
+      return CommandUpdate{.clamped = numbers - kept, .nan = n - numbers, .changed = true};
     });
   }
-  return replaced;
+  return update;
 }
 
 bool update_targets_for_target(std::span<const CellRun> runs, const float* base, const float* commands,
@@ -155,21 +156,28 @@ HWY_EXPORT(update_targets_for_target);
 HWY_EXPORT(plan_speeds_for_target);
 HWY_EXPORT(advance_pins_for_target);
 
-ReplacedCommands clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands,
-                                float low, float high, float safe, float* clamped) noexcept {
-  constexpr std::size_t kBlock = 1024;  // about as many cells stay in the L1 cache between the two passes
-  ReplacedCommands replaced;
+CommandUpdate clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands,
+                             float low, float high, float safe, float* clamped) noexcept {
+  constexpr std::size_t kBlock = 1024;  // about as many cells stay in the L1 cache between the passes
+  // Most controllers hold their commands for many steps.
+  const auto holds = [&](const CellRun& run) {
+    const CellRun cells = common_cells(run, within);
+    return std::memcmp(commands + (cells.begin - within.begin), clamped + cells.begin,
+                       length_of(cells) * sizeof(float)) == 0;
+  };
+  CommandUpdate update;
   for (std::size_t first = 0, end = 0; first < runs.size(); first = end) {
-    for (std::size_t count = 0; end < runs.size() && count < kBlock; ++end) {
-      const CellRun cells = common_cells(runs[end], within);
+    for (std::size_t count = 0; end < runs.size() && count < kBlock; ++end) count += length_of(runs[end]);
+    const auto block = runs.subspan(first, end - first);
+    if (std::ranges::all_of(block, holds)) continue;
+    for (const CellRun& run : block) {
+      const CellRun cells = common_cells(run, within);
       std::copy_n(commands + (cells.begin - within.begin), length_of(cells), clamped + cells.begin);
-      count += length_of(cells);
     }
     asm volatile("" ::: "memory");  // keeps the compiler from reading `commands` a second time
-    replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(runs.subspan(first, end - first), within, low,
-                                                                high, safe, clamped);
+    update += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(block, within, low, high, safe, clamped);
   }
-  return replaced;
+  return update;
 }
 
 bool update_targets(std::span<const CellRun> runs, const float* base, const float* commands,

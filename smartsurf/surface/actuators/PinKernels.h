@@ -13,11 +13,13 @@
 
 namespace smartsurf::surface {
 
-// How many commands were replaced: as beyond the range, infinite ones included, and as NaN.
-struct ReplacedCommands {
+// What clamp_commands() did: how many commands it replaced, as beyond the range, infinite ones included, and
+// as NaN; and whether any now differs from the one before.
+struct CommandUpdate {
   std::size_t clamped = 0, nan = 0;
-  ReplacedCommands& operator+=(const ReplacedCommands& other) {
-    clamped += other.clamped, nan += other.nan;
+  bool changed = false;
+  CommandUpdate& operator+=(const CommandUpdate& other) {
+    clamped += other.clamped, nan += other.nan, changed |= other.changed;
     return *this;
   }
 };
@@ -25,8 +27,8 @@ struct ReplacedCommands {
 // Copies the commands of the cells of the runs that are `within`, clamped to [low, high], with NaN replaced
 // by `safe`. commands: of the cells within.begin to within.end − 1.
 // `commands` may be memory that another process writes: each value is copied before it is checked.
-ReplacedCommands clamp_commands(std::span<const CellRun>, const CellRun& within, const float* commands,
-                                float low, float high, float safe, float* clamped) noexcept;
+CommandUpdate clamp_commands(std::span<const CellRun>, const CellRun& within, const float* commands,
+                             float low, float high, float safe, float* clamped) noexcept;
 
 // Sets target = base + command for the cells of the runs. Returns whether any target changed.
 bool update_targets(std::span<const CellRun>, const float* base, const float* commands,

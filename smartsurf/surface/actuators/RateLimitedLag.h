@@ -28,6 +28,8 @@ class RateLimitedLag {
   float operator[](int cell) const noexcept { return value_[cell]; }
   std::span<const float> values() const noexcept { return value_; }
   std::span<const CellRun> runs() const noexcept { return runs_; }
+  // True if the next step() changes the run's values.
+  bool moving(std::size_t run) const noexcept { return moving_[run] != 0; }
   // True if the run's values changed in the last step().
   bool changed(std::size_t run) const noexcept { return changed_[run] != 0; }
 

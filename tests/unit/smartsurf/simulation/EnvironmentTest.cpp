@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -273,9 +274,29 @@ TEST(EnvironmentController, CommandsWithoutHashingTheState) {
   Environment environment(options);
   const std::uint64_t hash_at_start = environment.simulation().snapshot().state_hash;
   for (int i = 0; i < 3; ++i) environment.step();
-  EXPECT_EQ(environment.simulation().snapshot_without_hash().state_hash,
+  EXPECT_EQ(environment.simulation().partial_snapshot().state_hash,
             hash_at_start);  // not computed since
   EXPECT_NE(environment.simulation().snapshot().state_hash, hash_at_start);
+}
+
+TEST(Environment, SnapshotHasTheActuatorsStateWhenAsked) {
+  EnvironmentOptions options;
+  options.source = "surface { rows = 2, columns = 3, actuator = wheels { radius = 0.5 } }";
+  Environment asked_always(options), asked_once(options);
+  for (Environment* environment : {&asked_always, &asked_once}) {
+    environment->set_targets(0, std::vector<float>{1, 2, 3, 4, 5, 6});
+    for (int i = 0; i < 30; ++i) {
+      environment->step();
+      if (environment == &asked_always) environment->simulation().snapshot();
+    }
+  }
+  const auto &always = asked_always.simulation().snapshot().actuator_state,
+             &once = asked_once.simulation().snapshot().actuator_state;
+  ASSERT_EQ(once.size(), 6U);
+  for (std::size_t i = 0; i < once.size(); ++i) {
+    EXPECT_EQ(once[i].a, always[i].a);
+    EXPECT_GT(std::abs(once[i].a), 0.1F);
+  }
 }
 
 TEST(EnvironmentMetrics, FollowEveryStepAndReset) {

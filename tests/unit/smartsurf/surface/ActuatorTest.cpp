@@ -1,8 +1,10 @@
 // Tests cell motion and forces of each actuator model against the closed forms of docs/actuators.md.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -171,6 +173,41 @@ TEST(Wheels, SurfaceVelocitiesAddUp) {
   cells.run(0.1);
   EXPECT_NEAR(cells.field().surface_velocity_x[5], 0.0F, 1e-5F);
   EXPECT_NEAR(cells.field().surface_velocity_y[5], 2.0F * std::sqrt(2.0F), 1e-5F);
+}
+
+// Whether or not anybody looks at the angles, they are the spins' integrals.
+TEST(Wheels, AnglesAreTheIntegralsOfTheSpins) {
+  std::mt19937 random(5);
+  for (const bool is_watched : {false, true}) {
+    Cells cells(
+        surface_of({actuator("wheels", {{"radius", {1}}, {"angle", {0}}, {"max_acceleration", {200}}})}));
+    const std::size_t n = cells.field().height.size();
+    std::vector<std::array<double, 2>> expected(n, {0.0, 0.0});
+    std::vector<scene::ActuatorState> motion;
+    std::vector<float> targets(n, 0.0F);
+    for (int step = 0; step < 3000; ++step) {
+      if (random() % 40 == 0) {
+        targets[random() % n] = std::uniform_real_distribution<float>(-30.0F, 30.0F)(random);
+        cells.array.set_targets(static_cast<int>(random() % 2), targets);
+      }
+      cells.array.plan(kDt);
+      cells.array.commit(kDt);
+      for (std::size_t i = 0; i < n; ++i) {
+        expected[i][0] += kDt * static_cast<double>(cells.field().surface_velocity_x[i]);
+        expected[i][1] += kDt * static_cast<double>(cells.field().surface_velocity_y[i]);
+      }
+      if (!is_watched && step % 1000 != 999) continue;
+      cells.array.write_cell_motion(motion);
+      for (std::size_t i = 0; i < n; ++i) {
+        const auto error = [](float is, double should) {
+          return std::remainder(static_cast<double>(is) - should, 2 * std::numbers::pi);
+        };
+        ASSERT_NEAR(error(motion[i].a, expected[i][0]), 0.0, 1e-4) << step << ' ' << i;
+        ASSERT_NEAR(error(motion[i].b, expected[i][1]), 0.0, 1e-4) << step << ' ' << i;
+        ASSERT_LE(std::abs(motion[i].a), std::numbers::pi_v<float>);
+      }
+    }
+  }
 }
 
 TEST(Wheels, RotateWithTheirCell) {

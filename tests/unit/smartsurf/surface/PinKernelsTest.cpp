@@ -115,14 +115,34 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
         expected[i] = std::isnan(p.command[i]) ? 0.75F : std::clamp(p.command[i], 0.5F, 2.0F);
         changed += expected[i] != p.command[i];
       }
-      const ReplacedCommands replaced =
+      const CommandUpdate replaced =
           clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data());
       const auto nan = static_cast<std::size_t>(
           std::ranges::count_if(p.command, [](float command) { return std::isnan(command); }));
       ASSERT_GT(changed, 0U) << n;
       ASSERT_EQ(replaced.nan, nan) << n;
       ASSERT_EQ(replaced.clamped, changed - nan) << n;
+      ASSERT_TRUE(replaced.changed) << n;
       ASSERT_EQ(clamped, expected) << n;
+    }
+  });
+}
+
+TEST(PinKernels, ClampCommandsTellsWhetherAnyChanges) {
+  for_every_target([] {
+    for (std::size_t n = 1; n <= kMaxPins; ++n) {
+      std::vector<float> held(n, 1.25F);
+      const CellRun all[] = {{0, static_cast<int>(n)}};
+      for (std::size_t i = 0; i <= n; ++i) {  // the command of cell i; of none if i = n
+        std::vector<float> command = held;
+        if (i < n) command[i] = 1.5F;
+        const CommandUpdate update =
+            clamp_commands(all, all[0], command.data(), 0.5F, 2.0F, 0.75F, held.data());
+        ASSERT_EQ(update.changed, i < n) << n << ' ' << i;
+        ASSERT_EQ(update.clamped + update.nan, 0U);
+        ASSERT_EQ(held, command) << n << ' ' << i;
+        if (i < n) held[i] = 1.25F;
+      }
     }
   });
 }
