@@ -15,6 +15,7 @@ on_finish(function(t)
   local drag = 2 / 2 * 0.1 * (2 * math.pi / 8) * (2 * math.pi * frequency)   -- (thickness/2)·amplitude·k·omega
   metric('speed_u_s', speed)
   metric('share_of_crest_speed', speed / drag)
+  metric('success', object(0):on_table() and speed >= 0.5 * drag and 1 or 0)
 end)
 
 -- As a learning environment: docs/python.md.

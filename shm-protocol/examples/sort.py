@@ -98,7 +98,7 @@ class Sort:
         self.largest, self.high, self.low = np.full(shape, 3, np.float32), ones, 0.5 * ones
         self.found, self.way_small, self.way_large, self.from_wall = np.zeros((4, *shape), np.float32)
         self.halt_small, self.halt_large, self.ahead = np.zeros((3, *shape), np.float32)
-        self.stay, self.plight, self.near_large, self.underside = np.zeros((4, *shape), np.float32)
+        self.stay, self.plight, self.posts, self.near_large, self.underside = np.zeros((5, *shape), np.float32)
         self.pin = np.full(shape, DOWN + RISE, np.float32)  # at once, before the dropped spheres come down
 
     def heights(self, proximity, proximity_hit):
@@ -146,13 +146,13 @@ class Sort:
         largest = wider(self.largest)
         self.largest = np.maximum(largest - GROWTH / np.float32(5), np.minimum(core * steps, largest + GROWTH))
         large = as_number(self.found > (self.high + self.low) / 2 * self.largest)
-        small = sensed - large
+        small = as_number(self.found > 0) - large
         for _ in range(4):
             self.high, self.low = average(self.high), average(self.low)
         self.high = self.high + RATE * core * large * (size / self.largest - self.high)
         self.low = self.low + RATE * core * small * (size / self.largest - self.low)
-        self.way_small = 1 + least(self.way_small) + WALL * (1 - inside - self.goal_small)
-        self.way_large = 1 + least(self.way_large) + WALL * (1 - inside - self.goal_large)
+        self.way_small = 1 + self.posts + least(self.way_small) + WALL * (1 - inside - self.goal_small)
+        self.way_large = 1 + self.posts + least(self.way_large) + WALL * (1 - inside - self.goal_large)
         self.from_wall = inside * (1 + least(self.from_wall))
 
         # Who has arrived halts, with the queue behind; large ones also before small ones.
@@ -162,17 +162,18 @@ class Sort:
         stops = (self.way_large < 3) | (self.ahead > 0)
         self.halt_large = large * np.maximum(REACH * stops, greatest(self.halt_large) - 1)
 
-        # Small ones go round large ones. Who is stalled goes away from the wall first, and is lifted over stuck pins, but
-        # nobody over the wall.
+        # Small ones go round large ones. Who is stalled goes away from the wall first, and is lifted over stuck pins; where
+        # it cannot go then costs more and more. Near the wall only who finds no way is lifted.
         self.near_large = np.maximum(NEAR * large, greatest(self.near_large) - 1)
         away = 2 * wider(self.plight) * np.minimum(self.from_wall, REACH)
         turn = np.where(large != 0, downhill(self.way_large - away), downhill(self.way_small - away + self.near_large))
         turn = core * turn * ((self.halt_small <= 0) & (self.halt_large <= 0))
         moving = wider(as_number(turn > 0))
         self.stay = (self.stay + 1) * moving
-        change = np.where(self.stay > PATIENCE, np.float32(0.5), np.float32(-0.25)) / PATIENCE
+        change = (as_number(self.stay > PATIENCE) - np.float32(0.5)) / PATIENCE
         self.plight = moving * np.clip(wider(self.plight) + change, 0, 1)
-        room = np.clip(told(self.from_wall - size), 0, HIGHEST)
+        self.posts = self.posts + as_number(ahead(turn * (self.plight >= 1)) > 0) / PATIENCE
+        room = np.clip(told(self.from_wall - size + least(self.posts)), 0, HIGHEST)
         lift = np.minimum(wider(wider(wider(told(np.minimum(HIGHEST * self.plight, room))))),
                           np.where(sensed != 0, room, np.float32(HIGHEST)))
 

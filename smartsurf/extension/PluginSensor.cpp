@@ -1,5 +1,7 @@
 #include "smartsurf/extension/PluginSensor.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -44,8 +46,17 @@ void PluginSensor::cast(const smartsurf_plugin_scene* plugin_scene, std::uint32_
                         const float** distance, const std::int32_t** object) {
   const Scene& scene = static_cast<const Scene&>(*plugin_scene);
   const surface::SensorInput& input = *scene.input;
-  Ray& ray = scene.sensor->rays_[index];
-  ray.caster.cast(input.bodies, surface::snapshot_index_tags(input.bodies, scene.sensor->tags_), 0.0F,
+  PluginSensor& sensor = *scene.sensor;
+  if (index >= sensor.rays_.size()) {  // sense() throws once the extension has returned
+    sensor.unknown_ray_ = index;
+    sensor.no_distance_.assign(sensor.readings_.front().size(), 0.0F);
+    sensor.no_object_.assign(sensor.no_distance_.size(), -1);
+    *distance = sensor.no_distance_.data();
+    *object = sensor.no_object_.data();
+    return;
+  }
+  Ray& ray = sensor.rays_[index];
+  ray.caster.cast(input.bodies, surface::snapshot_index_tags(input.bodies, sensor.tags_), 0.0F,
                   input.snapshot.height, *scene.pool);
   std::ranges::transform(ray.caster.tag(), ray.object.begin(),
                          [](float tag) { return static_cast<std::int32_t>(tag) - 1; });
@@ -78,6 +89,9 @@ void PluginSensor::sense(const surface::SensorInput& input, common::ThreadPool& 
                     &input,
                     &pool};
   type_.sense(instance_, &scene, reading_pointers_.data());
+  if (unknown_ray_)
+    throw common::UserError(
+        fmt::format("{}: casts ray {}, but has prepared {}", type_.name, *unknown_ray_, rays_.size()));
   for (std::size_t c = 0; c < channels_.size(); ++c) {
     const auto low = static_cast<float>(channels_[c].minimum),
                high = static_cast<float>(channels_[c].maximum);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <optional>
 
 #include "smartsurf/extension/PluginTables.h"
 #include "smartsurf/surface/sensors/Sensor.h"
@@ -16,6 +17,7 @@ class PluginSensor final : public surface::Sensor {
                std::vector<scene::SensorChannel> channels, const surface::Field&, const scene::SensorSpec&);
   ~PluginSensor() override { type_.destroy(instance_); }
 
+  // Throws common::UserError if the extension casts a ray that it has not prepared.
   void sense(const surface::SensorInput&, common::ThreadPool&) override;
   std::span<const float> values(int channel) const noexcept override { return readings_[channel]; }
   void archive(common::StateArchive&) override;
@@ -47,6 +49,9 @@ class PluginSensor final : public surface::Sensor {
   std::vector<std::vector<float>> readings_;  // by channel
   std::vector<float*> reading_pointers_;      // to them
   std::deque<Ray> rays_;
+  std::optional<std::uint32_t> unknown_ray_;  // that sense() has cast
+  std::vector<float> no_distance_;            // what it gets: 0
+  std::vector<std::int32_t> no_object_;       // and -1
   std::vector<float> tags_;
   ObjectTable objects_;
   void* instance_;

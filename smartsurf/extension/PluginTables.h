@@ -10,16 +10,17 @@
 #include <vector>
 
 #include "common/state/StateArchive.h"
+#include "common/text/Printable.h"
 #include "smartsurf/extension/smartsurf_plugin.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/Field.h"
 
 namespace smartsurf::extension {
 
-// A message buffer of the interface.
+// A message buffer of the interface. Its text may have any bytes.
 using Message = std::array<char, 256>;
 inline std::string text_of(const Message& message) {
-  return {message.data(), strnlen(message.data(), message.size())};
+  return common::printable({message.data(), strnlen(message.data(), message.size())});
 }
 
 // Throws common::UserError with the message if create() has returned null.

@@ -229,7 +229,8 @@ struct smartsurf_plugin_scene {
   const float* impulse;
   /* Casts a ray from every cell. Sets two arrays of rows × columns, which are valid until the ray is cast
    * again: the distance to what it hits first, in [0, range], u; and the k of that object among the `count`
-   * of `objects`, -1 for a pin or nothing. */
+   * of `objects`, -1 for a pin or nothing. A ray that add_ray() has not returned ends the run with an error.
+   */
   void (*cast)(const smartsurf_plugin_scene* scene, uint32_t ray, const float** distance,
                const int32_t** object);
 };

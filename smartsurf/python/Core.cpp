@@ -262,15 +262,16 @@ class Simulation {
   Array<float> observation() const { return observation_; }
   py::dict objects() { return objects_.get(environment_.simulation().partial_snapshot()); }
 
-  void set_targets(int channel, const Array<float>& values) {
-    const Exclusive use(in_use_);
-    environment_.set_targets(channel, readable(values));
-  }
-  py::tuple step() {
+  // targets: channels × rows × columns.
+  py::tuple step(const Array<float>& targets) {
     const Exclusive use(in_use_);
     simulation::StepResult result;
+    const std::span<const float> all = readable(targets);
+    const std::size_t cells = environment_.scene().surface.cell_count();
     {
       py::gil_scoped_release release;
+      for (std::size_t first = 0; first < all.size(); first += cells)
+        environment_.set_targets(static_cast<int>(first / cells), all.subspan(first, cells));
       result = environment_.step();
     }
     refresh();
@@ -649,7 +650,6 @@ PYBIND11_MODULE(_core, m) {
       .def_property_readonly("seed", [](const Simulation& s) { return s.environment().seed(); })
       .def("label",
            [](const Simulation& s, std::uint32_t id) { return s.environment().simulation().label(id); })
-      .def("set_targets", &Simulation::set_targets)
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
       .def("finish", &Simulation::finish)

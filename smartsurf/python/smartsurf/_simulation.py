@@ -181,9 +181,7 @@ class Simulation(Surface):
         self._check_process()
         if actions is not None:
             self._take(actions)
-        for i, channel in enumerate(self.actuator_channels):
-            self._core.set_targets(i, self._targets[i])
-        reward, terminated, truncated, self._success = self._core.step()
+        reward, terminated, truncated, self._success = self._core.step(self._targets)
         return reward, terminated, truncated
 
     def reset(self, seed: int | None = None) -> int:

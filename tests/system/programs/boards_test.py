@@ -105,10 +105,10 @@ class Compiling(ProgramTest):
         flags = ["compile", SORT_APS, "--target", "c", "-o", str(self.folder / "s.c"), "--tile", "8x8"]
         status, _, err = self.run_program(APRON, *flags, "--link", "1M", "--rate", "60")
         self.assertEqual(status, 2)
-        self.assertRegex(err, r"error: the edges of a tick take \S+ ms over a link of 1e\+06 baud \(36 rounds, ")
+        self.assertRegex(err, r"error: the edges of a tick take \S+ ms over a link of 1e\+06 baud \(46 rounds, ")
         status, out, err = self.run_program(APRON, *flags, "--link", "10M", "--rate", "60")
         self.assertEqual(status, 0, err)
-        self.assertIn("36 rounds", out)
+        self.assertIn("46 rounds", out)
 
     def test_invalid_flags(self):
         for flags in (["--tile", "8"], ["--tile", "65x8"], ["--halo", "0"], ["--halo", "9", "--tile", "8x8"], ["--link", "fast"],

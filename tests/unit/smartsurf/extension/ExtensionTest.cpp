@@ -144,5 +144,30 @@ TEST(Extension, ErrorsOfInstancesAreReported) {
   }
 }
 
+TEST(Extension, MessagesBecomePrintableUtf8) {
+  try {
+    make("surface { rows = 8, columns = 8, sensors = { census { cast = 13 } } }");
+    FAIL();
+  } catch (const scene::InputError& error) {
+    EXPECT_STREQ(error.what(), "census: cannot be created: ??[31m\xC3\xA9");
+  }
+}
+
+TEST(Extension, CastsTheRaysThatItHasPrepared) {
+  simulation::Environment environment = make(R"(
+    surface { rows = 8, columns = 8, sensors = { census { cast = 0 } } }
+    sphere { radius = 1, position = {3, 3, 3}, fixed = true })");
+  environment.step();
+  const std::vector<float> odd = reading(environment, "census_odd");
+  EXPECT_NEAR(odd[64 + 4 * 8 + 3], -2.0F / 5, 1e-4F);
+  EXPECT_EQ(odd[64], 1.0F);
+  try {
+    make("surface { rows = 8, columns = 8, sensors = { census { cast = 1 } } }").step();
+    FAIL();
+  } catch (const scene::InputError& error) {
+    EXPECT_STREQ(error.what(), "census: casts ray 1, but has prepared 1");
+  }
+}
+
 }  // namespace
 }  // namespace smartsurf

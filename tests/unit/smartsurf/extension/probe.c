@@ -88,14 +88,36 @@ static const smartsurf_plugin_channel census_channels[] = {
     {sizeof(smartsurf_plugin_channel), 2, "_odd", "", -1, 1, 0.5, SMARTSURF_EXACT},
 };
 
+// Prepares a ray and casts ray `cast`, if that is given.
+static const smartsurf_plugin_parameter census_parameters[] = {
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_COUNT, "cast", "", {NAN, 0, 0}, 0, 100},
+};
+
+typedef struct {
+  uint32_t cells;
+  double cast;
+} census;
+
 static void* create_census(const smartsurf_plugin_sensor_context* context) {
-  uint32_t* cells = malloc(sizeof *cells);
-  *cells = context->surface->rows * context->surface->columns;
-  return cells;
+  census* c = malloc(sizeof *c);
+  c->cells = context->surface->rows * context->surface->columns;
+  c->cast = context->values[0].x;
+  if (c->cast == 13) {
+    strcpy(context->message, "\xE9\x1B[31m\xC3\xA9");  // Latin-1, an escape sequence, UTF-8
+    free(c);
+    return NULL;
+  }
+  const smartsurf_plugin_ray up = {.size = sizeof up, .direction = {0, 0, 1}, .range = 5};
+  if (!isnan(c->cast)) context->add_ray(context, &up);
+  return c;
 }
 
 static void sense_census(void* instance, const smartsurf_plugin_scene* scene, float* const* readings) {
-  const uint32_t cells = *(const uint32_t*)instance;
+  const census* c = instance;
+  const uint32_t cells = c->cells;
+  const float* distance;
+  const int32_t* object;
+  if (!isnan(c->cast)) scene->cast(scene, (uint32_t)c->cast, &distance, &object);
   float spheres = 0;
   for (uint32_t k = 0; k < scene->objects->count; ++k)
     if (scene->objects->shape[scene->objects->id[k]] == SMARTSURF_SPHERE) ++spheres;
@@ -103,7 +125,7 @@ static void sense_census(void* instance, const smartsurf_plugin_scene* scene, fl
     readings[0][i] = scene->impulse == NULL ? -1 : scene->impulse[i] / (float)scene->period_s;
     readings[1][i] = spheres;
     readings[2][i] = NAN;
-    readings[2][cells + i] = 1e9F;
+    readings[2][cells + i] = !isnan(c->cast) && object[i] >= 0 ? -distance[i] / 5 : 1e9F;
   }
 }
 
@@ -128,6 +150,8 @@ static const smartsurf_plugin_sensor sensors[] = {{
     .size = sizeof(smartsurf_plugin_sensor),
     .flags = SMARTSURF_NEEDS_IMPULSES,
     .name = "census",
+    .parameters = census_parameters,
+    .parameter_count = 1,
     .channels = census_channels,
     .channel_count = 3,
     .create = create_census,
