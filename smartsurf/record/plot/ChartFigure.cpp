@@ -145,7 +145,7 @@ void ChartFigure::Panel::draw_rule(cairo_t* cr) const {
 double ChartFigure::Panel::legend_entry() const {
   std::size_t longest = 0;
   for (const LegendEntry& entry : legend) longest = std::max(longest, entry.name.size());
-  return std::min(axes.area().width, 34.0 + 6.4 * static_cast<double>(longest));
+  return std::min(axes.area().width, 42.0 + 7.2 * static_cast<double>(longest));
 }
 
 void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
