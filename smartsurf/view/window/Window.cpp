@@ -8,6 +8,7 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -53,7 +54,7 @@ struct Window::State {
         quality(software_rendering ? RenderQuality::fast() : RenderQuality::gpu()),
         renderer(std::make_unique<Renderer>(s, quality)) {
     saved_sizes = hud.sizes = parse_sizes(common::read_user_file(kLayoutFile));
-    glfwGetFramebufferSize(glfw.window(), &width, &height);
+    read_sizes();
     hud.bar_height *= ui_scale;
     hud.message_height *= ui_scale;
     update_layout();
@@ -66,6 +67,8 @@ struct Window::State {
   void set_scene(const scene::SceneSpec& s);
   void set_detail(Detail detail);
   Commands take_commands();
+  // False if the window has no size: if the display is lost, or no part is shown.
+  bool read_sizes();
   void update_layout();
   void save_layout();
   // Returns false without drawing if the display is lost or the window is minimised. copy: receives the
@@ -96,9 +99,9 @@ struct Window::State {
   double pointer_x = 0.0, pointer_y = 0.0;
   bool needs_redraw = true;  // input or a window-system event since the last frame
   Clock::time_point last_frame_at = Clock::now();
-  int width = 0, height = 0;              // of the framebuffer, pixels
-  int height_points = 1;                  // of the window
-  int scene_width = 1, scene_height = 1;  // of the scene in it
+  int width = 0, height = 0;                // of the framebuffer, pixels
+  int width_points = 1, height_points = 1;  // of the window
+  int scene_width = 1, scene_height = 1;    // of the scene in it
   DockSizes saved_sizes;
   float ui_scale;
   ImGuiBackend imgui;
@@ -204,13 +207,8 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   glfwPollEvents();
   needs_redraw = false;
   if (display_lost()) return false;
-  glfwGetFramebufferSize(glfw.window(), &width, &height);
-  const bool minimised = glfw.minimised();
-  // Checked again: after a loss, size and attribute are undefined, even before the loss is reported. The size
-  // of a window has 16 bits.
-  constexpr int kGreatest = 0xFFFF;
-  if (display_lost() || width < 1 || height < 1 || width > kGreatest || height > kGreatest || minimised)
-    return false;
+  // The loss is checked again afterwards: then the attribute is undefined.
+  if (glfw.minimised() || !read_sizes()) return false;
   const auto start = Clock::now();
   const ScopedGlContext scope(glfw.window());
   handle_pointer(input);
@@ -263,17 +261,25 @@ void Window::State::handle_pointer(const FrameInput& input) {
   }
 }
 
+// After a loss sizes are undefined, even before it is reported. Those of a window have 16 bits.
+bool Window::State::read_sizes() {
+  std::array<int, 4> sizes{};
+  glfwGetFramebufferSize(glfw.window(), &sizes[0], &sizes[1]);
+  glfwGetWindowSize(glfw.window(), &sizes[2], &sizes[3]);
+  const auto is_valid = [](int size) { return size >= 1 && size <= 0xFFFF; };
+  if (display_lost() || !std::ranges::all_of(sizes, is_valid)) return false;
+  width = sizes[0], height = sizes[1], width_points = sizes[2], height_points = sizes[3];
+  return true;
+}
+
 // From the panels that are shown, so that the scene is drawn and framed beside them.
 void Window::State::update_layout() {
-  int window_width = 1, window_height = 1;
-  glfwGetWindowSize(glfw.window(), &window_width, &window_height);
-  height_points = std::max(window_height, 1);
   const DockContents contents{.panels = controls.panels_shown(),
                               .inspector = controls.tools().selected().has_value(),
                               .plots = controls.plots_shown(),
                               .bar_height = hud.bar_height,
                               .message_height = status.banner ? hud.message_height : 0.0f};
-  hud.docks = lay_out_docks(static_cast<float>(window_width), static_cast<float>(window_height), contents,
+  hud.docks = lay_out_docks(static_cast<float>(width_points), static_cast<float>(height_points), contents,
                             hud.sizes, ui_scale);
   const float pixels_per_point = static_cast<float>(height) / static_cast<float>(height_points);
   scene_width = std::max(1, static_cast<int>(hud.docks.scene.width * pixels_per_point));
