@@ -10,35 +10,14 @@
 #include <system_error>
 #include <utility>
 
+#include "common/text/Utf8.h"
+
 namespace apron::syntax {
 namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 bool is_hex_digit(char c) { return is_digit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
-
-struct CodePoint {
-  std::uint32_t code = 0;
-  std::size_t bytes = 0;  // 0: not UTF-8
-};
-
-CodePoint decode(std::string_view text) {
-  const auto byte = [&](std::size_t i) {
-    return static_cast<std::uint32_t>(static_cast<unsigned char>(text[i]));
-  };
-  const std::uint32_t lead = byte(0);
-  if (lead < 0x80) return {lead, 1};
-  const std::size_t bytes = lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
-  if (lead < 0xC2 || lead > 0xF4 || text.size() < bytes) return {};
-  std::uint32_t code = lead & (0xFFU >> (bytes + 1));
-  for (std::size_t i = 1; i < bytes; ++i) {
-    if ((byte(i) & 0xC0U) != 0x80U) return {};
-    code = (code << 6U) | (byte(i) & 0x3FU);
-  }
-  const bool overlong = (bytes == 3 && code < 0x800) || (bytes == 4 && code < 0x10000);
-  const bool surrogate = code >= 0xD800 && code <= 0xDFFF;
-  return overlong || surrogate || code > 0x10FFFF ? CodePoint{} : CodePoint{code, bytes};
-}
 
 // Names may contain letters of any alphabet, but no look-alikes of spaces and operators.
 bool is_foreign_letter(std::uint32_t code) {
@@ -161,7 +140,7 @@ class Lexer {
 
   bool at_foreign_letter() const {
     if (static_cast<unsigned char>(peek()) < 0x80) return false;
-    const CodePoint c = decode(text_.substr(position_));
+    const common::CodePoint c = common::decode_utf8(text_.substr(position_));
     return c.bytes > 0 && is_foreign_letter(c.code);
   }
 
@@ -171,7 +150,7 @@ class Lexer {
       if (is_letter(peek()) || is_digit(peek()) || peek() == '.') {
         advance(1);
       } else if (position_ < text_.size() && at_foreign_letter()) {
-        position_ += decode(text_.substr(position_)).bytes;
+        position_ += common::decode_utf8(text_.substr(position_)).bytes;
         ++column_;
       } else {
         return std::string(text_.substr(first, position_ - first));
@@ -203,7 +182,7 @@ class Lexer {
     std::string text;
     while (peek() != '\'') {
       if (at_line_end()) return report_error(location, "this text has no closing quote");
-      const CodePoint c = decode(text_.substr(position_));
+      const common::CodePoint c = common::decode_utf8(text_.substr(position_));
       if (c.bytes == 0 || (c.code < 0x20 && c.code != '\t')) {
         report_error(current_location(), "this text holds a byte that is not printable UTF-8");
         return advance(1);
@@ -303,7 +282,7 @@ class Lexer {
   }
 
   void report_unexpected(Location location) {
-    const CodePoint c = decode(text_.substr(position_));
+    const common::CodePoint c = common::decode_utf8(text_.substr(position_));
     if (c.bytes == 0) {
       report_error(location, "this byte is not UTF-8");
     } else if (c.code == '"') {

@@ -13,11 +13,10 @@
 
 namespace smartsurf::surface {
 
-// What clamp_commands() did: how many commands it replaced, as beyond the range, infinite ones included, and
-// as NaN; and whether any now differs from the one before.
+// How many commands clamp_commands() replaced: as beyond the range, infinite ones included, and as NaN.
 struct CommandUpdate {
   std::size_t clamped = 0, nan = 0;
-  bool changed = false;
+  bool changed = false;  // false if the commands have the same bits as those before
   CommandUpdate& operator+=(const CommandUpdate& other) {
     clamped += other.clamped, nan += other.nan, changed |= other.changed;
     return *this;
