@@ -119,6 +119,15 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
   return may_continue(*bodies.shape[other], bodies.axes[other].transpose() * (point - bodies.origin(other)));
 }
 
+// Whether the body slides over two others that move together at the point.
+bool slides_on_both(const BodyStore& bodies, std::int32_t body, std::int32_t one, std::int32_t next,
+                    const Vec3& point) {
+  const Vec3 speed = velocity_at(bodies, one, point);
+  const float sliding = (bodies.velocity(body) - speed).norm();
+  return sliding >= kSliding &&
+         (velocity_at(bodies, next, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding);
+}
+
 // A contact of a body, and what it becomes.
 struct Corrected {
   std::int32_t body, other;
@@ -214,23 +223,19 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   if (!bodies.is_active(i) || !neighbours.has_several(i)) return;
   find_touched(bodies, i, neighbours, pairs, statics, touched);
   if (touched.size() < 2) return;
-  const Vec3 own_velocity = bodies.velocity(i);
   for (Touched& one : touched)
     for (const Contact& c : one.contacts) {
-      const Vec3 point = bodies.position[one.manifold->a] + c.anchor,
-                 speed = velocity_at(bodies, one.other, point);
-      const float sliding = (own_velocity - speed).norm();
-      if (sliding < kSliding) continue;
+      const Vec3 point = bodies.position[one.manifold->a] + c.anchor;
       // The contact's point may be on the body, as far away as it travels in a step.
       const bool is_of_body = one.manifold->a == i;
       const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
-      const float together = std::max(kTogether, kTogetherShare * sliding);
       for (Touched& next : touched) {
         // Fixed bodies have been corrected among each other.
         const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
         if (next.other == one.other || are_fixed || (one.is_under && next.is_under)) continue;
-        if ((velocity_at(bodies, next.other, point) - speed).norm() < together &&
-            (may_continue(bodies, next.other, point) || may_continue(bodies, next.other, on_other)))
+        const bool is_near = may_continue(bodies, next.other, point) ||
+                             (is_of_body && may_continue(bodies, next.other, on_other));
+        if (is_near && slides_on_both(bodies, i, one.other, next.other, point))
           one.is_under = next.is_under = true;
       }
     }
