@@ -10,15 +10,19 @@ namespace common {
 // After shared jobs have lost kMostLoss_ns against the caller alone, the caller works alone for so long that
 // the loss is kMostLossShare_percent of that time, at most for kMostPause_ns. Then, and at first, it must
 // have had its own core to itself for kCalm_ns of work; after a further loss for twice that, up to
-// kMostCalm_ns, until jobs have gained kMostCredit_ns. So much of what they have gained is spent before
-// losses count, because an idle machine takes a core away, too, now and then. now_ns is the time of any
-// steady clock.
+// kMostCalm_ns.
+//
+// An idle machine takes a core away, too, now and then, above all a virtual one. So up to kMostCredit_ns of
+// what jobs have gained is spent before losses count, and after jobs that had gained all of that, the pause
+// is for kMostLossShareAfterGain_percent and the calm is kCalm_ns again.
+//
+// now_ns is the time of any steady clock.
 class LossBudget {
  public:
   static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000,
                                 kMostCalm_ns = 400'000'000;
-  static constexpr std::int64_t kMostLossShare_percent = 1;
-  static constexpr std::int64_t kMostCredit_ns = 5'000'000, kWatchInterval_ns = 4'000'000;
+  static constexpr std::int64_t kMostLossShare_percent = 1, kMostLossShareAfterGain_percent = 10;
+  static constexpr std::int64_t kMostCredit_ns = 20'000'000, kWatchInterval_ns = 4'000'000;
 
   bool allows(std::int64_t now_ns) noexcept {
     if (is_spent_) is_spent_ = calm_ns_ < needed_calm_ns_ || is_pause(now_ns);
@@ -30,12 +34,14 @@ class LossBudget {
   // For a shared job. A negative loss is a gain.
   void charge(std::int64_t loss_ns, std::int64_t now_ns) noexcept {
     lost_ns_ = std::max(-kMostCredit_ns, lost_ns_ + loss_ns);
-    if (lost_ns_ == -kMostCredit_ns) next_calm_ns_ = kCalm_ns;
+    if (lost_ns_ == -kMostCredit_ns)
+      next_calm_ns_ = kCalm_ns, share_percent_ = kMostLossShareAfterGain_percent;
     if (lost_ns_ <= kMostLoss_ns) return;
-    pause_end_ns_ = now_ns + std::min(lost_ns_ * 100 / kMostLossShare_percent, kMostPause_ns);
+    pause_end_ns_ = now_ns + std::min(lost_ns_ * 100 / share_percent_, kMostPause_ns);
     is_spent_ = true;
     needed_calm_ns_ = next_calm_ns_;
     next_calm_ns_ = std::min(2 * next_calm_ns_, kMostCalm_ns);
+    share_percent_ = kMostLossShare_percent;
     lost_ns_ = calm_ns_ = 0;
   }
 
@@ -55,7 +61,8 @@ class LossBudget {
 
  private:
   bool is_spent_ = true;
-  std::int64_t lost_ns_ = 0;  // by shared jobs; negative: the credit
+  std::int64_t lost_ns_ = 0;                             // by shared jobs; negative: the credit
+  std::int64_t share_percent_ = kMostLossShare_percent;  // of the loss in the next pause
   std::int64_t needed_calm_ns_ = kCalm_ns;
   std::int64_t next_calm_ns_ = kCalm_ns;  // needed after the next loss
   std::int64_t unwatched_ns_ = 0;

@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <random>
 #include <thread>
 #include <vector>
 
@@ -203,6 +204,39 @@ TEST(LossBudget, WaitsLongerAfterEachLossUntilJobsGain) {
   budget.charge(-LossBudget::kMostCredit_ns, now_ns);
   budget.charge(LossBudget::kMostCredit_ns, now_ns);
   EXPECT_EQ(calm_after_loss(), 50);
+}
+
+// A virtual machine loses a core to others for 2 % of the time or more, in bursts of milliseconds.
+TEST(LossBudget, SharesWhereACoreIsStolenNowAndThen) {
+  for (const std::int64_t burst_ms : {1, 4, 10}) {
+    LossBudget budget;
+    std::mt19937 random(1);
+    std::bernoulli_distribution is_stolen(0.02 / static_cast<double>(burst_ms));
+    int shared = 0, jobs = 0;
+    for (std::int64_t now_ns = 0; now_ns < 20'000 * kMillisecond; ++jobs) {
+      const std::int64_t stolen_ns = is_stolen(random) ? burst_ms * kMillisecond : 0;
+      now_ns += kMillisecond + stolen_ns;
+      if (budget.allows(now_ns))
+        budget.charge(stolen_ns - kMillisecond / 2, now_ns), ++shared;
+      else
+        budget.watch_alone(kMillisecond + stolen_ns, kMillisecond);
+    }
+    EXPECT_GT(shared, 0.97 * jobs) << burst_ms;
+  }
+}
+
+TEST(LossBudget, PausesForLessAfterAGain) {
+  LossBudget budget;
+  const auto lose = [&] { budget.charge(LossBudget::kMostLoss_ns + kMillisecond, 0); };
+  const auto pause_ms = [&] {
+    std::int64_t ms = 0;
+    while (budget.is_pause(ms * kMillisecond)) ++ms;
+    return ms;
+  };
+  budget.charge(-LossBudget::kMostCredit_ns, 0), budget.charge(LossBudget::kMostCredit_ns, 0), lose();
+  EXPECT_EQ(pause_ms(), 15);
+  lose();
+  EXPECT_EQ(pause_ms(), 150);
 }
 
 TEST(LossBudget, WatchesFewJobs) {
