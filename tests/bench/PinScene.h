@@ -76,8 +76,9 @@ inline void compute_targets(const Workload& w, double time_s, std::vector<float>
     const auto z = static_cast<float>(moves      ? 1.0 + std::sin(0.3 * x + 0.2 * time_s)
                                       : is_fence ? kBorderHeight
                                                  : 1.0);
-    for (int r = 0; r < w.n; ++r) out[r * w.n + c] = z;
+    out[c] = z;
   }
+  for (int r = 1; r < w.n; ++r) std::copy_n(out.begin(), w.n, out.begin() + r * w.n);
 }
 
 // A convex hull with twelve corners at about the given radius. Rounds to one of eight sizes, because
