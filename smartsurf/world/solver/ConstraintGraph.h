@@ -1,10 +1,12 @@
 // The constraint graph: colours the manifolds so that no body occurs twice within a colour, and packs each
-// colour into contact batches for the SIMD kernels. The result depends on the manifolds and their slabs only,
-// not on the number of members.
+// colour into contact batches for the SIMD kernels, for each member of the team those of its slabs. Colours
+// and ranks depend on the manifolds and their slabs only, not on the number of members.
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/world/body/BodyStore.h"
@@ -66,8 +68,8 @@ class ConstraintGraph {
   BatchRange sphere_static() const { return sphere_static_; }
   BatchRange general_static() const { return general_static_; }
 
-  // The member's batches of the i-th colour; for i = colours().size(), those of static contacts. Each member
-  // has as many as the others, near its slabs. The overflow set belongs to the caller of Team::run.
+  // The batches of the member's slabs of the i-th colour; for i = colours().size(), those of static contacts.
+  // The overflow set belongs to the caller of Team::run.
   std::span<const BatchRange> own_batches(const Member& member, std::size_t i) const {
     return member_batches_[member.index].of(i);
   }
@@ -84,36 +86,42 @@ class ConstraintGraph {
   // Index of the manifold in a lane, in the list of its kind.
   int manifold(int batch, int lane) const { return sorted_manifolds_[batch_start_[batch] + lane]; }
   int lane_count(int batch) const { return batch_start_[batch + 1] - batch_start_[batch]; }
+  // Orders the manifolds by key, then by slab.
+  std::pair<int, int> rank(ContactKind kind, int batch, int lane) const {
+    const int position = batch_start_[batch] + lane;
+    return {manifold_key_[(is_pair(kind) ? 0 : first_static_) + sorted_manifolds_[position]], position};
+  }
   int point_count() const { return first_point_.back(); }
 
  private:
-  // Manifolds are sorted by key (colour, kind, then number of points, descending, clamped to
-  // kPointCountBuckets), then by slab.
+  // Key of a manifold: its group (colour and kind), then its number of points, descending, clamped to
+  // kPointCountBuckets. Manifolds are sorted by group, member, key and slab, those of the overflow set by
+  // key and slab.
   static constexpr int kMaxColours = 64;  // not counting the overflow set and static contacts
   static constexpr int kPointCountBuckets = 16;
   static constexpr std::size_t kMaxKeys = 2 * (kMaxColours + 2) * kPointCountBuckets;
-  using KeyOffsets = std::array<std::int32_t, kMaxKeys>;  // [0, key_count()) in use
+  using KeyOffsets = std::array<std::int32_t, kMaxKeys>;  // [0, kPointCountBuckets * group_count()) in use
   struct alignas(128) MemberBatchRanges : BatchRangesByColour {};
 
-  int key_count() const { return 2 * (colour_count_ + 1) * kPointCountBuckets; }
+  int group_count() const { return 2 * (colour_count_ + 1); }
+  bool is_overflow(int group) const { return group / 2 == kMaxColours && kMaxColours < colour_count_; }
   void colour_pairs(const BodyStore&, const ContactList& pair_contacts);
   void count_keys(const BodyStore&, const ContactList&, const SlabRanges&, IndexRange slabs, bool pair,
                   KeyOffsets&);
   void compute_key_offsets();
   void sort_manifolds(const SlabRanges&, IndexRange slabs, std::size_t first_key, KeyOffsets& next_slot);
   void pack_batches(const ContactList& pair_contacts, const ContactList& static_contacts);
-  BatchRange pack_batches(ContactKind, int group, int lanes, const ContactList&);
-  void collect_own_batches(const Member&);
-  void append_own_batches(const BatchRange&, const Member&);
+  BatchRange pack_group(ContactKind, int group, const ContactList&);
+  int pack_lanes(int group, int lanes, const KeyOffsets& ends, const ContactList&);
 
   std::vector<std::uint64_t> body_colours_;  // by body: bit mask of the colours of its manifolds
   std::vector<std::uint8_t> manifold_colour_;
   int colour_count_ = 0;                    // static contacts not included
   std::vector<std::int16_t> manifold_key_;  // pairs first, then static contacts
-  // The number of manifolds in a member's slabs by key, then their first position in sorted_manifolds_.
+  std::size_t first_static_ = 0;            // in manifold_key_
+  // By member and key: the number of manifolds in the member's slabs, then where the next of them goes in
+  // sorted_manifolds_, at last where they end. Groups without any manifold keep zeros.
   std::vector<KeyOffsets> key_offsets_;
-  // A single member sets those of the first key of a group, and of the others where the group is not empty.
-  std::array<std::int32_t, kMaxKeys + 1> first_of_key_;
   std::vector<std::int32_t> sorted_manifolds_;  // manifold indices in the order of batches and lanes
   // The first position in sorted_manifolds_ and the first point of each batch; one more at the end.
   std::vector<std::int32_t> batch_start_, first_point_;

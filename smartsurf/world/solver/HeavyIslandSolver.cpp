@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 #include <utility>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
@@ -267,12 +266,13 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     }
 }
 
-// Island by island, in the order of the lanes.
+// Island by island, in the order of the lanes' manifolds.
 void HeavyIslandSolver::collect_points(const Step& step) {
   const BatchPoints& points = step.points;
   lanes_.clear();
   for (const MemberData& m : members_) lanes_.insert(lanes_.end(), m.lanes.begin(), m.lanes.end());
-  std::ranges::sort(lanes_, {}, [](const BearingLane& l) { return std::tuple(l.batch, l.lane); });
+  std::ranges::sort(lanes_, {},
+                    [&](const BearingLane& l) { return step.graph.rank(l.kind, l.batch, l.lane); });
   // Calls each(point, its island).
   const auto for_each_point = [&](auto each) {
     for (const auto& [batch, lane, kind] : lanes_) {

@@ -45,8 +45,6 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
   };
   const auto add_lane = [&](const ContactBatch& o, ContactKind kind, int lane) {
     const std::int32_t a = o.a[lane], b = is_pair(kind) ? o.b[lane] : -1;
-    const bool of_a = is_jointed(a), of_b = b >= 0 && is_jointed(b);
-    if (!of_a && !of_b) return;
     for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
       const BatchPoint& q = points.point[k];
       const BatchPointDetail& d = points.detail[k];
@@ -73,12 +71,19 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
       points_.push_back(p);
     }
   };
+  lanes_.clear();
   const auto visit = [&](const BatchRange& range) {
-    for (int i = range.first; i < range.first + range.count; ++i)
-      for (int lane = 0; lane < graph.batch(i).lane_count; ++lane) add_lane(graph.batch(i), range.kind, lane);
+    for (int i = range.first; i < range.first + range.count; ++i) {
+      const ContactBatch& o = graph.batch(i);
+      for (int lane = 0; lane < o.lane_count; ++lane)
+        if (is_jointed(o.a[lane]) || (is_pair(range.kind) && is_jointed(o.b[lane])))
+          lanes_.push_back({graph.rank(range.kind, i, lane), i, lane, range.kind});
+    }
   };
   for (const ConstraintGraph::Colour& c : graph.colours()) visit(c.spheres), visit(c.general);
   visit(graph.sphere_static()), visit(graph.general_static());
+  std::ranges::sort(lanes_, {}, &Lane::rank);
+  for (const Lane& l : lanes_) add_lane(graph.batch(l.batch), l.kind, l.lane);
 }
 
 Vec3 JointedContacts::lower_to_load(Point& p, BatchPoints points) {

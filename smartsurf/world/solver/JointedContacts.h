@@ -59,6 +59,13 @@ class JointedContacts {
   // Lowers the impulses of a point to what both last substeps have borne; returns the change.
   static Vec3 lower_to_load(Point&, BatchPoints);
 
+  struct Lane {
+    std::pair<int, int> rank;
+    int batch, lane;
+    ContactKind kind;
+  };
+
+  std::vector<Lane> lanes_;  // with a body that has joints
   std::vector<Point> points_;
   std::vector<char> is_touched_;
 };
