@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <map>
-#include <numeric>
 #include <random>
 #include <set>
+#include <span>
+#include <tuple>
+#include <vector>
 
 using namespace smartsurf;
 using namespace smartsurf::world;
@@ -104,58 +106,77 @@ TEST(ConstraintGraph, SchedulesEachStaticManifoldOnce) {
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
 
-TEST(ConstraintGraph, SameBatchesForAnyThreadCount) {
-  const Tangle t(400, 1500);
-  ConstraintGraph alone;
-  t.build(alone);
-  for (const int members : {1, 2, 3, 7}) {
+namespace {
+
+// A graph that several members have built, and its batches by member.
+struct SharedGraph {
+  ConstraintGraph graph;
+  std::vector<std::span<const BatchRange>> of_members;
+  SharedGraph(const Tangle& t, int members) {
     common::ThreadPool pool(members, 0.0);
     Team team(&pool);
-    ConstraintGraph graph;
     team.run(true, [&](const Member& member) { t.build(graph, member); });
-    ASSERT_EQ(graph.batch_count(), alone.batch_count()) << members;
-    ASSERT_EQ(graph.point_count(), alone.point_count()) << members;
-    for (int o = 0; o < graph.batch_count(); ++o) {
-      const int lanes = alone.reset_batch(o).lane_count;
-      ASSERT_EQ(graph.reset_batch(o).lane_count, lanes);
-      for (int lane = 0; lane < lanes; ++lane)
-        ASSERT_EQ(graph.manifold(o, lane), alone.manifold(o, lane)) << members;
-    }
-    std::multiset<int> shared;
     Barrier barrier(members);
-    for (int m = 0; m < members; ++m)
-      for (const BatchRange& run : graph.own_batches(Member{m, members, barrier}))
-        for (int o = run.first; o < run.first + run.count; ++o) shared.insert(o);
-    EXPECT_EQ(shared.size(), static_cast<std::size_t>(graph.batch_count())) << members;
-    EXPECT_EQ(std::set<int>(shared.begin(), shared.end()).size(), shared.size()) << members;
+    for (int m = 0; m < members; ++m) of_members.push_back(graph.own_batches(Member{m, members, barrier}));
   }
+  // Calls each(member, kind, batch, lane) for all lanes.
+  template <class Each>
+  void for_each_lane(Each each) const {
+    for (std::size_t m = 0; m < of_members.size(); ++m)
+      for (const BatchRange& run : of_members[m])
+        for (int o = run.first; o < run.first + run.count; ++o)
+          for (int lane = 0; lane < graph.lane_count(o); ++lane) each(static_cast<int>(m), run.kind, o, lane);
+  }
+  // Each manifold and its colour, in the order of their ranks.
+  std::vector<std::tuple<bool, int, std::size_t>> ranked() const {
+    const auto colour_of = [this](int batch) {
+      const auto has = [&](const ConstraintGraph::Colour& c) {
+        const auto in = [&](const BatchRange& run) {
+          return batch >= run.first && batch < run.first + run.count;
+        };
+        return in(c.spheres) || in(c.general);
+      };
+      return static_cast<std::size_t>(std::ranges::find_if(graph.colours(), has) - graph.colours().begin());
+    };
+    std::map<std::pair<int, int>, std::tuple<bool, int, std::size_t>> by_rank;
+    for_each_lane([&](int, ContactKind kind, int batch, int lane) {
+      const std::tuple manifold(is_pair(kind), graph.manifold(batch, lane), colour_of(batch));
+      EXPECT_TRUE(by_rank.insert({graph.rank(kind, batch, lane), manifold}).second);
+    });
+    std::vector<std::tuple<bool, int, std::size_t>> order;
+    for (const auto& [rank, manifold] : by_rank) order.push_back(manifold);
+    return order;
+  }
+};
+
+}  // namespace
+
+TEST(ConstraintGraph, SameColoursAndRanksForAnyThreadCount) {
+  const Tangle t(400, 1300);
+  const auto alone = SharedGraph(t, 1).ranked();
+  EXPECT_EQ(alone.size(), t.pairs.manifolds.size() + t.world.manifolds.size());
+  for (const int members : {2, 3, 7}) EXPECT_EQ(SharedGraph(t, members).ranked(), alone) << members;
 }
 
-TEST(ConstraintGraph, MembersHaveEqualSharesOfEachColour) {
-  const Tangle t(400, 1500);
+TEST(ConstraintGraph, MembersHaveTheBatchesOfTheirSlabs) {
+  const Tangle t(400, 1300);
   for (const int members : {2, 3, 7}) {
-    common::ThreadPool pool(members, 0.0);
-    Team team(&pool);
-    ConstraintGraph graph;
-    team.run(true, [&](const Member& member) { t.build(graph, member); });
+    const SharedGraph s(t, members);
     Barrier barrier(members);
-    for (std::size_t c = 0; c <= graph.colours().size(); ++c) {
-      std::map<std::pair<int, int>, std::vector<int>> counts;  // by kind and number of points; of each member
-      for (int m = 0; m < members; ++m)
-        for (const BatchRange& run : graph.own_batches(Member{m, members, barrier}, c))
-          for (int o = run.first; o < run.first + run.count; ++o) {
-            std::vector<int>& of = counts[{run.kind, graph.reset_batch(o).point_count}];
-            of.resize(static_cast<std::size_t>(members));
-            ++of[static_cast<std::size_t>(m)];
-          }
-      const bool is_overflow = c < graph.colours().size() && graph.colours()[c].is_overflow;
-      for (const auto& [key, of] : counts) {
-        const auto [least, most] = std::ranges::minmax(of);
-        if (is_overflow)
-          EXPECT_EQ(std::accumulate(of.begin(), of.end(), 0), of.back()) << "the caller of Team::run has all";
-        else
-          EXPECT_LE(most - least, 1) << members << " " << c;
+    const int last = members - 1;
+    s.for_each_lane([&](int m, ContactKind kind, int batch, int lane) {
+      const bool in_order =
+          s.graph.colours().back().is_overflow && batch >= s.graph.colours().back().spheres.first;
+      if (in_order && is_pair(kind)) {
+        EXPECT_EQ(m, last) << "the caller of Team::run has the overflow set";
+        return;
       }
-    }
+      const int manifold = s.graph.manifold(batch, lane);
+      const SlabRanges ranges = Tangle::runs(is_pair(kind) ? t.pairs : t.world);
+      const auto own = ranges.of(Member{m, members, barrier}.share(Tangle::kSlabs));
+      EXPECT_TRUE(std::ranges::any_of(
+          own, [&](const IndexRange& r) { return r.begin <= manifold && manifold < r.end; }))
+          << members << " " << m << " " << manifold;
+    });
   }
 }
