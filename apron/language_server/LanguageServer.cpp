@@ -153,17 +153,28 @@ struct SymbolKind {
   const char* word;
   int completion, symbol;
 };
-const SymbolKind& kind_of(const Symbol& symbol) {
-  static constexpr SymbolKind kKinds[] = {{"register", 6, 18},   // variable, array
-                                          {"scalar", 6, 13},     // variable
-                                          {"macro", 3, 12},      // function
-                                          {"function", 3, 12},   // function
-                                          {"label", 18, 20},     // reference, key
-                                          {"constant", 21, 14},  // constant
-                                          {"parameter", 6, 13},  // variable
-                                          {"filter", 6, 13},     // variable
-                                          {"class", 7, 5}};      // class
-  return kKinds[static_cast<std::size_t>(symbol.kind)];          // in the order of Symbol::Kind
+SymbolKind kind_of(const Symbol& symbol) {
+  switch (symbol.kind) {
+    case Symbol::Kind::kRegister:
+      return {"register", 6, 18};  // variable, array
+    case Symbol::Kind::kScalar:
+      return {"scalar", 6, 13};  // variable
+    case Symbol::Kind::kMacro:
+      return {"macro", 3, 12};  // function
+    case Symbol::Kind::kFunction:
+      return {"function", 3, 12};  // function
+    case Symbol::Kind::kLabel:
+      return {"label", 18, 20};  // reference, key
+    case Symbol::Kind::kDefine:
+      return {"constant", 21, 14};  // constant
+    case Symbol::Kind::kParameter:
+      return {"parameter", 6, 13};  // variable
+    case Symbol::Kind::kFilter:
+      return {"filter", 6, 13};  // variable
+    case Symbol::Kind::kClass:
+      return {"class", 7, 5};  // class
+  }
+  return {};
 }
 
 // ---- the server
