@@ -22,7 +22,8 @@ class LossBudget {
   static constexpr std::int64_t kMostLoss_ns = 500'000, kMostPause_ns = 1'000'000'000, kCalm_ns = 50'000'000,
                                 kMostCalm_ns = 400'000'000;
   static constexpr std::int64_t kMostLossShare_percent = 1, kMostLossShareAfterGain_percent = 10;
-  static constexpr std::int64_t kMostCredit_ns = 20'000'000, kWatchInterval_ns = 4'000'000;
+  static constexpr std::int64_t kMostCredit_ns = 20'000'000, kWatchInterval_ns = 4'000'000,
+                                kMostWatchInterval_ns = 256'000'000;
 
   bool allows(std::int64_t now_ns) noexcept {
     if (is_spent_) is_spent_ = calm_ns_ < needed_calm_ns_ || is_pause(now_ns);
@@ -45,17 +46,23 @@ class LossBudget {
     lost_ns_ = calm_ns_ = 0;
   }
 
-  // Whether the caller has to measure the processor time of its next job alone. It does so rarely: Linux
-  // prefers to take the core from a thread that enters the kernel.
-  bool is_watch_due() const noexcept { return unwatched_ns_ >= kWatchInterval_ns; }
+  // Whether the caller has to measure the processor time of its next job alone. It does so rarely, and ever
+  // more rarely while it loses its core: Linux takes the core at once from a thread that reads its time when
+  // its slice is over, and milliseconds later from one that does not.
+  bool is_watch_due() const noexcept { return unwatched_ns_ >= watch_interval_ns_; }
   // For a job that the caller did alone, unmeasured.
   void pass_alone(std::int64_t wall_ns) noexcept { unwatched_ns_ += wall_ns; }
   // For a job that the caller did alone, in wall_ns, of which it had a core for cpu_ns. Where it loses its
   // core, there are more programs than cores; a little goes to the system itself.
   void watch_alone(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
     constexpr std::int64_t kSystem_ns = 50'000, kSystemShare_percent = 5;
-    const bool lost_core = wall_ns - cpu_ns > kSystem_ns + wall_ns * kSystemShare_percent / 100;
-    calm_ns_ = lost_core ? 0 : calm_ns_ + unwatched_ns_ + wall_ns;
+    if (wall_ns - cpu_ns > kSystem_ns + wall_ns * kSystemShare_percent / 100) {
+      calm_ns_ = 0;
+      watch_interval_ns_ = std::min(2 * watch_interval_ns_, kMostWatchInterval_ns);
+    } else {
+      calm_ns_ += std::min(unwatched_ns_, kWatchInterval_ns) + wall_ns;
+      watch_interval_ns_ = kWatchInterval_ns;
+    }
     unwatched_ns_ = 0;
   }
 
@@ -65,7 +72,7 @@ class LossBudget {
   std::int64_t share_percent_ = kMostLossShare_percent;  // of the loss in the next pause
   std::int64_t needed_calm_ns_ = kCalm_ns;
   std::int64_t next_calm_ns_ = kCalm_ns;  // needed after the next loss
-  std::int64_t unwatched_ns_ = 0;
+  std::int64_t unwatched_ns_ = 0, watch_interval_ns_ = kWatchInterval_ns;
   std::int64_t pause_end_ns_ = 0;
   std::int64_t calm_ns_ = 0;  // work of the caller alone since it last lost its core
 };

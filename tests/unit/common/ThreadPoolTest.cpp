@@ -252,6 +252,24 @@ TEST(LossBudget, WatchesFewJobs) {
   EXPECT_EQ(watched, jobs / 9);
 }
 
+TEST(LossBudget, WatchesFewerJobsWhileItLosesItsCore) {
+  LossBudget budget;
+  const auto watched_in = [&budget](int jobs, std::int64_t cpu_ns) {
+    int watched = 0;
+    for (int job = 0; job < jobs; ++job)
+      if (budget.is_watch_due())
+        budget.watch_alone(kMillisecond, cpu_ns), ++watched;
+      else
+        budget.pass_alone(kMillisecond);
+    return watched;
+  };
+  EXPECT_LT(watched_in(10'000, kMillisecond / 2), 50);
+  int jobs = 0;
+  for (; !budget.allows(0); ++jobs) watched_in(1, kMillisecond);
+  EXPECT_GE(jobs, 45);
+  EXPECT_LE(jobs, 256 + 50);
+}
+
 // A stop of the whole machine is no reason to stay alone for minutes.
 TEST(LossBudget, PausesEnd) {
   LossBudget budget;
