@@ -266,7 +266,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     }
 }
 
-// Island by island, in the order of the lanes' manifolds.
+// Island by island, in the order of ConstraintGraph::rank().
 void HeavyIslandSolver::collect_points(const Step& step) {
   const BatchPoints& points = step.points;
   lanes_.clear();

@@ -12,6 +12,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/world/body/BodyStore.h"
@@ -60,7 +61,7 @@ class JointedContacts {
   static Vec3 lower_to_load(Point&, BatchPoints);
 
   struct Lane {
-    std::pair<int, int> rank;
+    std::pair<int, int> rank;  // ConstraintGraph::rank(): contacts are swept in its order
     int batch, lane;
     ContactKind kind;
   };
