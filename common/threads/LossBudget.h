@@ -47,8 +47,7 @@ class LossBudget {
   }
 
   // Whether the caller has to measure the processor time of its next job alone. It does so rarely, and ever
-  // more rarely while it loses its core: Linux takes the core at once from a thread that reads its time when
-  // its slice is over, and milliseconds later from one that does not.
+  // more rarely while it loses its core: each reading enters the kernel, where Linux may take the core.
   bool is_watch_due() const noexcept { return unwatched_ns_ >= watch_interval_ns_; }
   // For a job that the caller did alone, unmeasured.
   void pass_alone(std::int64_t wall_ns) noexcept { unwatched_ns_ += wall_ns; }

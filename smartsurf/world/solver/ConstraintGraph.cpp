@@ -118,9 +118,10 @@ void ConstraintGraph::pack_batches(const ContactList& pair_contacts, const Conta
 
 BatchRange ConstraintGraph::pack_group(ContactKind kind, int group, const ContactList& list) {
   BatchRange all{kind, static_cast<int>(batch_start_.size()) - 1, 0};
-  // The overflow set ends where the part of the last member does, who is the caller.
-  for (std::size_t m = is_overflow(group) ? key_offsets_.size() - 1 : 0; m < key_offsets_.size(); ++m) {
-    const int count = pack_lanes(group, is_overflow(group) ? 1 : kLanes, key_offsets_[m], list);
+  // The overflow set belongs to the last member, the caller, whose part of it comes last.
+  const bool in_order = is_overflow(group);
+  for (std::size_t m = in_order ? key_offsets_.size() - 1 : 0; m < key_offsets_.size(); ++m) {
+    const int count = pack_lanes(group, in_order ? 1 : kLanes, key_offsets_[m], list);
     member_batches_[m].append({kind, all.first + all.count, count});
     all.count += count;
   }

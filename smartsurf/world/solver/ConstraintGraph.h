@@ -86,7 +86,7 @@ class ConstraintGraph {
   // Index of the manifold in a lane, in the list of its kind.
   int manifold(int batch, int lane) const { return sorted_manifolds_[batch_start_[batch] + lane]; }
   int lane_count(int batch) const { return batch_start_[batch + 1] - batch_start_[batch]; }
-  // Orders the manifolds by key, then by slab.
+  // Orders the manifolds by key, then by slab: the same order for any number of members.
   std::pair<int, int> rank(ContactKind kind, int batch, int lane) const {
     const int position = batch_start_[batch] + lane;
     return {manifold_key_[(is_pair(kind) ? 0 : first_static_) + sorted_manifolds_[position]], position};

@@ -161,18 +161,21 @@ TEST(ConstraintGraph, SameColoursAndRanksForAnyThreadCount) {
 TEST(ConstraintGraph, MembersHaveTheBatchesOfTheirSlabs) {
   const Tangle t(400, 1300);
   for (const int members : {2, 3, 7}) {
-    const SharedGraph s(t, members);
+    SharedGraph s(t, members);
     Barrier barrier(members);
     const int last = members - 1;
     s.for_each_lane([&](int m, ContactKind kind, int batch, int lane) {
+      const int manifold = s.graph.manifold(batch, lane);
+      const ContactList& list = is_pair(kind) ? t.pairs : t.world;
+      EXPECT_LE(list.manifolds[static_cast<std::size_t>(manifold)].count,
+                s.graph.reset_batch(batch).point_count);
       const bool in_order =
           s.graph.colours().back().is_overflow && batch >= s.graph.colours().back().spheres.first;
       if (in_order && is_pair(kind)) {
         EXPECT_EQ(m, last) << "the caller of Team::run has the overflow set";
         return;
       }
-      const int manifold = s.graph.manifold(batch, lane);
-      const SlabRanges ranges = Tangle::runs(is_pair(kind) ? t.pairs : t.world);
+      const SlabRanges ranges = Tangle::runs(list);
       const auto own = ranges.of(Member{m, members, barrier}.share(Tangle::kSlabs));
       EXPECT_TRUE(std::ranges::any_of(
           own, [&](const IndexRange& r) { return r.begin <= manifold && manifold < r.end; }))
