@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace smartsurf::world {
@@ -23,7 +24,8 @@ UniformGrid& UniformGrid::of_this_thread() {
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(member.member_count);
-    if (cell_of_body_.size() < in.position.size()) cell_of_body_.resize(in.position.size());
+    if (cell_of_body_.size() < in.position.size())
+      cell_of_body_.resize(in.position.size()), line_of_body_.resize(in.position.size());
   });
   compute_bounds(in, own, member_state_[member.index]);
   member.single([&] {
@@ -60,19 +62,42 @@ void UniformGrid::sort_few(const Input& in) {
   fill_spheres(in, {0, count});
 }
 
-// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does
-// not depend on which member inserted which body.
+// A counting sort by cell, stable over the bodies in ascending order. Each member sorts the bodies of its
+// lines of cells, in all layers.
 void UniformGrid::sort_dense(const Input& in, std::span<const std::int32_t> own, const Member& member) {
-  MemberState& state = member_state_[member.index];
-  count_bodies(in, own, state);
-  member.single([this] { compute_cell_starts(); });
-  compute_member_slots(member.index);
-  for (const std::int32_t body : own) {
-    const std::int32_t cell = cell_of_body_[body];
-    if (cell >= 0) sorted_bodies_[state.next_slot[cell]++] = body;
+  for (const std::int32_t i : own) {
+    if (cell_of_body_[i] < 0) continue;
+    const Vec3& p = in.position[i];
+    line_of_body_[i] = cell_of(p.y(), 1);
+    cell_of_body_[i] = index(cell_of(p.x(), 0), line_of_body_[i], cell_of(p.z(), 2));
   }
   member.arrive_and_wait();
-  fill_cell_lines(in, member.share(cell_count_[1]));
+  const IndexRange lines = member.share(cell_count_[1]);
+  const auto for_each_body = [&](auto&& visit) {
+    for (const std::int32_t i : in.bodies)
+      if (cell_of_body_[i] >= 0 && line_of_body_[i] >= lines.begin && line_of_body_[i] < lines.end) visit(i);
+  };
+  const auto for_each_row = [&](auto&& visit) {
+    for (int z = 0; z < cell_count_[2]; ++z)
+      for (int y = lines.begin; y < lines.end; ++y) visit(z * cell_count_[1] + y);
+  };
+  // Until the bodies are in place, the entry after that of a cell is its number of bodies, then the place of
+  // the next one.
+  const int row_cells = cell_count_[0];
+  std::int32_t* const next = cell_start_.data() + 1;
+  for_each_row([&](int row) { std::fill_n(next + row * row_cells, row_cells, 0); });
+  for_each_body([&](std::int32_t i) { ++next[cell_of_body_[i]]; });
+  for_each_row([&](int row) {
+    const std::int32_t* const cells = next + row * row_cells;
+    row_start_[row] = std::accumulate(cells, cells + row_cells, 0);
+  });
+  member.single([this] { compute_row_starts(); });
+  for_each_row([&](int row) {
+    std::int32_t at = row_start_[row];
+    for (int x = 0; x < row_cells; ++x) at += std::exchange(next[row * row_cells + x], at);
+  });
+  for_each_body([&](std::int32_t i) { sorted_bodies_[next[cell_of_body_[i]]++] = i; });
+  for_each_row([&](int row) { fill_spheres(in, {row_start_[row], row_start_[row + 1]}); });
 }
 
 // A radix sort by cell, stable over the bodies in ascending order.
@@ -147,7 +172,8 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   if (is_few_)
     rows_.clear();
   else if (is_dense_)
-    cell_start_.resize(cell_count_[0] * cell_count_[1] * cell_count_[2] + 1);
+    cell_start_.resize(cell_count_[0] * cell_count_[1] * cell_count_[2] + 1),
+        row_start_.resize(cell_count_[1] * cell_count_[2] + 1);
   else
     keys_.resize(small), sorted_keys_.resize(small), rows_.reserve(small + 1);
   sorted_bodies_.resize(small);
@@ -155,47 +181,18 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   for (std::vector<float>* coordinates : {&x_, &y_, &z_, &radius_}) coordinates->resize(small + kSimdPadding);
 }
 
-void UniformGrid::count_bodies(const Input& in, std::span<const std::int32_t> own, MemberState& state) {
-  state.cell_count.assign(cell_start_.size() - 1, 0);
-  for (const std::int32_t i : own) {
-    if (cell_of_body_[i] < 0) continue;
-    const Vec3& p = in.position[i];
-    cell_of_body_[i] = index(cell_of(p.x(), 0), cell_of(p.y(), 1), cell_of(p.z(), 2));
-    ++state.cell_count[cell_of_body_[i]];
-  }
-}
-
-void UniformGrid::compute_cell_starts() {
+// From the number of bodies of each row of cells along x.
+void UniformGrid::compute_row_starts() {
   std::int32_t at = 0;
-  for (std::size_t c = 0; c + 1 < cell_start_.size(); ++c) {
-    cell_start_[c] = at;
-    for (const MemberState& state : member_state_) at += state.cell_count[c];
-  }
-  cell_start_.back() = at;
   rows_.clear();
-  for (int z = 0; z < cell_count_[2]; ++z)
-    for (int y = 0; y < cell_count_[1]; ++y)
-      if (const int begin = first_in_cell(0, y, z); begin < first_in_cell(0, y + 1, z))
-        rows_.push_back({y, z, begin});
+  for (int z = 0, row = 0; z < cell_count_[2]; ++z)
+    for (int y = 0; y < cell_count_[1]; ++y, ++row) {
+      const std::int32_t bodies = std::exchange(row_start_[row], at);
+      if (bodies > 0) rows_.push_back({y, z, at});
+      at += bodies;
+    }
+  row_start_.back() = at;
   rows_.push_back({0, cell_count_[2], at});
-}
-
-void UniformGrid::compute_member_slots(std::size_t member) {
-  std::vector<std::int32_t>& next = member_state_[member].next_slot;
-  next.assign(cell_start_.begin(), cell_start_.end() - 1);
-  for (std::size_t before = 0; before < member; ++before)
-    for (std::size_t c = 0; c < next.size(); ++c) next[c] += member_state_[before].cell_count[c];
-}
-
-// Sorts the bodies of each cell and copies their spheres, for the given lines of cells along x in every
-// layer.
-void UniformGrid::fill_cell_lines(const Input& in, IndexRange lines) {
-  for (int z = 0; z < cell_count_[2]; ++z) {
-    if (member_state_.size() > 1)
-      for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell)
-        std::sort(sorted_bodies_.begin() + cell_start_[cell], sorted_bodies_.begin() + cell_start_[cell + 1]);
-    fill_spheres(in, {first_in_cell(0, lines.begin, z), first_in_cell(0, lines.end, z)});
-  }
 }
 
 void UniformGrid::fill_spheres(const Input& in, IndexRange sorted) {

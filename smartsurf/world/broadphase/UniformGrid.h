@@ -82,8 +82,6 @@ class UniformGrid {
     Vec3 low, high;
     float max_radius;
     std::vector<std::int32_t> large;
-    // Indexed by cell: number of the member's bodies, and slot in sorted order for the next one.
-    std::vector<std::int32_t> cell_count, next_slot;
   };
   // A body and the place of its cell in the order of the cells.
   struct BodyKey {
@@ -94,10 +92,7 @@ class UniformGrid {
   void resize_cells(std::size_t bodies);
   void sort_few(const Input&);
   void sort_dense(const Input&, std::span<const std::int32_t> own, const Member&);
-  void count_bodies(const Input&, std::span<const std::int32_t> own, MemberState&);
-  void compute_cell_starts();
-  void compute_member_slots(std::size_t member);
-  void fill_cell_lines(const Input&, IndexRange lines);
+  void compute_row_starts();
   void sort_sparse(const Input&, std::span<const std::int32_t> own, const Member&);
   void collect_keys(std::span<const std::int32_t> bodies);
   void sort_keys();
@@ -129,12 +124,14 @@ class UniformGrid {
   bool is_dense_ = true, is_few_ = true;
   std::vector<std::int32_t>
       cell_start_;  // dense, by cell: first position in sorted order; one more at the end
+  std::vector<std::int32_t> row_start_;  // dense, the same of rows of cells along x, occupied or not
   std::vector<Row> rows_;
   std::vector<std::int32_t> sorted_bodies_, large_bodies_;  // body indices
   std::vector<std::int32_t> column_;                        // by sorted position
   std::vector<float> x_, y_, z_, radius_;    // by sorted position, kSimdPadding more at the end
   std::vector<MemberState> member_state_;    // one per member
   std::vector<std::int32_t> cell_of_body_;   // by body; −1: large
+  std::vector<std::int32_t> line_of_body_;   // by body; dense only: the cell's y
   std::vector<std::uint64_t> key_of_body_;   // by body; sparse only
   std::vector<BodyKey> keys_, sorted_keys_;  // by sorted position
 };
