@@ -92,8 +92,8 @@ void confine(const Confinement& confinement) {
 bool is_confined() noexcept { return confined.load(); }
 
 void add_system_files(Confinement& confinement) {
-  for (const char* const file :
-       {"/sys/devices/system/cpu", "/dev/urandom", "/dev/random", "/dev/zero", "/proc/self/statm"})
+  for (const char* const file : {"/sys/devices/system/cpu", "/dev/urandom", "/dev/random", "/dev/zero",
+                                 "/proc/self/statm", "/proc/loadavg"})
     confinement.read.emplace_back(file);
   for (const char* const file : {"/dev/null", "/dev/full"}) confinement.write.emplace_back(file);
 }

@@ -1,4 +1,4 @@
-// The processor core that a thread runs on.
+// The processor core that a thread runs on, and how many threads want one.
 //
 // Schedulers may leave two threads of a team on one core while another is idle: each runs for so short a time
 // before it waits for the other that their caches count as hot, which keeps them from being moved, on Linux
@@ -14,5 +14,12 @@ int current_core() noexcept;
 // Moves the calling thread to another core that it may use, if there is any; after that it may use the same
 // ones as before.
 void leave_core() noexcept;
+
+// Threads of all programs on the machine that run or wait for a core, this one included, and the machine's
+// cores; 0 and 0 if unknown. Reads a file of the system, in about 10 µs.
+struct CoreDemand {
+  int runnable_threads, cores;
+};
+CoreDemand core_demand() noexcept;
 
 }  // namespace common

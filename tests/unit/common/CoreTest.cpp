@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 #include <sched.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <thread>
+#include <vector>
 
 namespace {
 
@@ -46,4 +50,27 @@ TEST(Core, StaysWhereNoOtherIsAllowed) {
     const cpu_set_t after = allowed_cores();
     EXPECT_EQ(CPU_COUNT(&after), 1);
   }).join();
+}
+
+// Other programs run beside this test: the least of many looks is what they want all the time.
+TEST(Core, DemandCountsTheThreadsThatRunOrWait) {
+  const auto least = [] {
+    int threads = 1000;
+    for (int look = 0; look < 200; ++look) {
+      const common::CoreDemand demand = common::core_demand();
+      EXPECT_EQ(demand.cores, ::sysconf(_SC_NPROCESSORS_ONLN));
+      EXPECT_GE(demand.runnable_threads, 1);
+      threads = std::min(threads, demand.runnable_threads);
+    }
+    return threads;
+  };
+  std::atomic<bool> is_done = false;
+  std::vector<std::thread> busy;
+  for (int k = 0; k < 5; ++k)
+    busy.emplace_back([&] {
+      while (!is_done) continue;
+    });
+  EXPECT_GE(least(), 6);
+  is_done = true;
+  for (std::thread& thread : busy) thread.join();
 }

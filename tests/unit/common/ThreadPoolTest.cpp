@@ -142,12 +142,13 @@ TEST(ThreadPool, OneWithoutLeastCostAlwaysShares) {
 namespace {
 
 constexpr std::int64_t kMillisecond = 1'000'000;
+const auto never = [] { return false; };  // crowded
 
 // A caller that works alone until the budget allows to share, in jobs of 1 ms. Returns when, in ms.
 std::int64_t time_until_allowed(LossBudget& budget, std::int64_t now_ns,
                                 std::int64_t cpu_ns_of_job = kMillisecond) {
   std::int64_t ms = 0;
-  for (; ms < 10'000 && !budget.allows(now_ns + ms * kMillisecond); ++ms)
+  for (; ms < 10'000 && !budget.allows(now_ns + ms * kMillisecond, never); ++ms)
     budget.watch_alone(kMillisecond, cpu_ns_of_job);
   return ms;
 }
@@ -156,11 +157,31 @@ std::int64_t time_until_allowed(LossBudget& budget, std::int64_t now_ns,
 
 TEST(LossBudget, SharesOnceTheCallerIsUndisturbed) {
   LossBudget budget;
-  EXPECT_FALSE(budget.allows(0));
+  EXPECT_FALSE(budget.allows(0, never));
   EXPECT_FALSE(budget.is_pause(0));
   EXPECT_EQ(time_until_allowed(budget, 0, kMillisecond / 2), 10'000);  // another program takes its core
   EXPECT_EQ(time_until_allowed(budget, 0), 50);
-  EXPECT_TRUE(budget.allows(1));
+  EXPECT_TRUE(budget.allows(1, never));
+}
+
+// Other programs come and go, or the caller may use cores that they do not.
+TEST(LossBudget, LooksAgainForAWhileWhereOthersWantTheCores) {
+  for (const bool stays_crowded : {false, true}) {
+    LossBudget budget;
+    std::int64_t ms = 0;
+    for (int round = 0; round < 2; ++round) {
+      const std::int64_t begin_ms = ms, crowd_end_ms = begin_ms + (stays_crowded ? 100'000 : 1000);
+      int looks = 0;
+      for (;; ++ms) {
+        if (budget.allows(ms * kMillisecond, [&] { return ++looks, ms < crowd_end_ms; })) break;
+        budget.watch_alone(kMillisecond, kMillisecond);
+      }
+      EXPECT_NEAR(ms - begin_ms, stays_crowded ? 8000 : 1000, 101);
+      EXPECT_GT(looks, 10);
+      EXPECT_LE(looks, (ms - begin_ms) / 50);
+      budget.charge(kMillisecond, ms * kMillisecond);
+    }
+  }
 }
 
 TEST(LossBudget, LossesAreASmallShareOfTheTime) {
@@ -181,13 +202,13 @@ TEST(LossBudget, SpendsWhatJobsHaveGained) {
   for (int job = 0; job < 100; ++job) {
     budget.charge(kMillisecond / 4, 0);
     budget.charge(-kMillisecond / 4, 0);
-    ASSERT_TRUE(budget.allows(0));
+    ASSERT_TRUE(budget.allows(0, never));
   }
   budget.charge(-100 * kMillisecond, 0);
   budget.charge(LossBudget::kMostCredit_ns, 0);  // no more than that is kept
-  EXPECT_TRUE(budget.allows(0));
+  EXPECT_TRUE(budget.allows(0, never));
   budget.charge(kMillisecond, 0);
-  EXPECT_FALSE(budget.allows(0));
+  EXPECT_FALSE(budget.allows(0, never));
 }
 
 TEST(LossBudget, WaitsLongerAfterEachLossUntilJobsGain) {
@@ -216,7 +237,7 @@ TEST(LossBudget, SharesWhereACoreIsStolenNowAndThen) {
     for (std::int64_t now_ns = 0; now_ns < 20'000 * kMillisecond; ++jobs) {
       const std::int64_t stolen_ns = is_stolen(random) ? burst_ms * kMillisecond : 0;
       now_ns += kMillisecond + stolen_ns;
-      if (budget.allows(now_ns))
+      if (budget.allows(now_ns, never))
         budget.charge(stolen_ns - kMillisecond / 2, now_ns), ++shared;
       else
         budget.watch_alone(kMillisecond + stolen_ns, kMillisecond);
@@ -242,7 +263,7 @@ TEST(LossBudget, PausesForLessAfterAGain) {
 TEST(LossBudget, WatchesFewJobs) {
   LossBudget budget;
   int watched = 0, jobs = 0;
-  for (; jobs < 1000 && !budget.allows(0); ++jobs) {
+  for (; jobs < 1000 && !budget.allows(0, never); ++jobs) {
     if (budget.is_watch_due())
       budget.watch_alone(kMillisecond / 2, kMillisecond / 2), ++watched;
     else
@@ -265,7 +286,7 @@ TEST(LossBudget, WatchesFewerJobsWhileItLosesItsCore) {
   };
   EXPECT_LT(watched_in(10'000, kMillisecond / 2), 50);
   int jobs = 0;
-  for (; !budget.allows(0); ++jobs) watched_in(1, kMillisecond);
+  for (; !budget.allows(0, never); ++jobs) watched_in(1, kMillisecond);
   EXPECT_GE(jobs, 45);
   EXPECT_LE(jobs, 256 + 50);
 }
