@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -24,19 +25,18 @@ UniformGrid& UniformGrid::of_this_thread() {
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(member.member_count);
-    if (cell_of_body_.size() < in.position.size())
-      cell_of_body_.resize(in.position.size()), line_of_body_.resize(in.position.size());
+    if (is_large_.size() < in.position.size()) is_large_.resize(in.position.size());
   });
   compute_bounds(in, own, member_state_[member.index]);
   member.single([&] {
     resize_cells(in.bodies.size());
-    if (!is_dense_ && !is_few_ && key_of_body_.size() < cell_of_body_.size())
-      key_of_body_.resize(cell_of_body_.size());
+    if (!is_dense_ && !is_few_ && key_of_body_.size() < is_large_.size())
+      key_of_body_.resize(is_large_.size());
   });
   if (is_few_)
     member.single([&] { sort_few(in); });
   else if (is_dense_)
-    sort_dense(in, own, member);
+    sort_dense(in, member);
   else
     sort_sparse(in, own, member);
 }
@@ -47,7 +47,7 @@ void UniformGrid::sort_few(const Input& in) {
   std::uint64_t keys[kFew];
   int count = 0;
   for (const std::int32_t body : in.bodies) {
-    if (cell_of_body_[body] < 0) continue;
+    if (is_large_[body]) continue;
     const Vec3& p = in.position[body];
     const auto cell = [&](int axis) { return static_cast<std::uint64_t>(cell_of(p[axis], axis)); };
     const std::uint64_t key = (cell(2) * ny + cell(1)) * nx + cell(0);
@@ -62,42 +62,55 @@ void UniformGrid::sort_few(const Input& in) {
   fill_spheres(in, {0, count});
 }
 
-// A counting sort by cell, stable over the bodies in ascending order. Each member sorts the bodies of its
-// lines of cells, in all layers.
-void UniformGrid::sort_dense(const Input& in, std::span<const std::int32_t> own, const Member& member) {
-  for (const std::int32_t i : own) {
-    if (cell_of_body_[i] < 0) continue;
+// A counting sort by cell. Each member sorts the bodies of its lines of cells, in all layers: most are its
+// own, and it takes the few others from the lists of those who own them, because a cache line that two
+// members write, or that one reads from the other's cache, costs as much as sorting the bodies in it. The
+// bodies of each cell are then sorted by index, so the order does not depend on who owns which.
+void UniformGrid::sort_dense(const Input& in, const Member& member) {
+  MemberState& state = member_state_[member.index];
+  const IndexRange lines = member.share(cell_count_[1]);
+  const auto is_in_lines = [lines](const CellBody& b) { return b.line >= lines.begin && b.line < lines.end; };
+  state.in_lines.clear();
+  state.elsewhere.clear();
+  for (const std::int32_t i : state.small) {
     const Vec3& p = in.position[i];
-    line_of_body_[i] = cell_of(p.y(), 1);
-    cell_of_body_[i] = index(cell_of(p.x(), 0), line_of_body_[i], cell_of(p.z(), 2));
+    const int line = cell_of(p.y(), 1);
+    const CellBody b{index(cell_of(p.x(), 0), line, cell_of(p.z(), 2)), line, i};
+    (is_in_lines(b) ? state.in_lines : state.elsewhere).push_back(b);
   }
   member.arrive_and_wait();
-  const IndexRange lines = member.share(cell_count_[1]);
-  const auto for_each_body = [&](auto&& visit) {
-    for (const std::int32_t i : in.bodies)
-      if (cell_of_body_[i] >= 0 && line_of_body_[i] >= lines.begin && line_of_body_[i] < lines.end) visit(i);
-  };
-  const auto for_each_row = [&](auto&& visit) {
-    for (int z = 0; z < cell_count_[2]; ++z)
-      for (int y = lines.begin; y < lines.end; ++y) visit(z * cell_count_[1] + y);
-  };
+  for (const MemberState& other : member_state_)
+    if (&other != &state)
+      std::ranges::copy_if(other.elsewhere, std::back_inserter(state.in_lines), is_in_lines);
+
+  const int row_cells = cell_count_[0];
   // Until the bodies are in place, the entry after that of a cell is its number of bodies, then the place of
   // the next one.
-  const int row_cells = cell_count_[0];
   std::int32_t* const next = cell_start_.data() + 1;
-  for_each_row([&](int row) { std::fill_n(next + row * row_cells, row_cells, 0); });
-  for_each_body([&](std::int32_t i) { ++next[cell_of_body_[i]]; });
-  for_each_row([&](int row) {
-    const std::int32_t* const cells = next + row * row_cells;
+  const auto for_each_row = [&](auto&& visit) {
+    for (int z = 0; z < cell_count_[2]; ++z)
+      for (int y = lines.begin; y < lines.end; ++y) {
+        const int row = z * cell_count_[1] + y;
+        visit(row, next + row * row_cells);
+      }
+  };
+  for_each_row([&](int, std::int32_t* cells) { std::fill_n(cells, row_cells, 0); });
+  for (const CellBody& b : state.in_lines) ++next[b.cell];
+  for_each_row([&](int row, const std::int32_t* cells) {
     row_start_[row] = std::accumulate(cells, cells + row_cells, 0);
   });
   member.single([this] { compute_row_starts(); });
-  for_each_row([&](int row) {
+  for_each_row([&](int row, std::int32_t* cells) {
     std::int32_t at = row_start_[row];
-    for (int x = 0; x < row_cells; ++x) at += std::exchange(next[row * row_cells + x], at);
+    for (int x = 0; x < row_cells; ++x) at += std::exchange(cells[x], at);
   });
-  for_each_body([&](std::int32_t i) { sorted_bodies_[next[cell_of_body_[i]]++] = i; });
-  for_each_row([&](int row) { fill_spheres(in, {row_start_[row], row_start_[row + 1]}); });
+  for (const CellBody& b : state.in_lines) sorted_bodies_[next[b.cell]++] = b.body;
+  for_each_row([&](int row, const std::int32_t* ends) {
+    const auto at = [this](std::int32_t k) { return sorted_bodies_.begin() + k; };
+    if (member.member_count > 1)
+      for (int x = 0; x < row_cells; ++x) std::sort(at(x == 0 ? row_start_[row] : ends[x - 1]), at(ends[x]));
+    fill_spheres(in, {row_start_[row], row_start_[row + 1]});
+  });
 }
 
 // A radix sort by cell, stable over the bodies in ascending order.
@@ -105,7 +118,7 @@ void UniformGrid::sort_sparse(const Input& in, std::span<const std::int32_t> own
   const auto nx = static_cast<std::uint64_t>(cell_count_[0]), ny = static_cast<std::uint64_t>(cell_count_[1]);
   for (const std::int32_t body : own) {
     const Index i = body;
-    if (cell_of_body_[i] < 0) continue;
+    if (is_large_[i]) continue;
     const Vec3& p = in.position[i];
     const auto x = static_cast<std::uint64_t>(cell_of(p.x(), 0)),
                y = static_cast<std::uint64_t>(cell_of(p.y(), 1)),
@@ -124,15 +137,15 @@ void UniformGrid::compute_bounds(const Input& in, std::span<const std::int32_t> 
   state.low = Vec3::Constant(1e30F);
   state.high = -state.low;
   state.max_radius = 1e-3F;
+  state.small.clear();
   state.large.clear();
   for (const std::int32_t body : own) {
     const Index i = body;
     const bool large = in.radius[i] > in.large_radius || !in.position[i].allFinite();
-    cell_of_body_[i] = large ? -1 : 0;
-    if (large) {
-      state.large.push_back(body);
-      continue;
-    }
+    // Rarely written, so that the members' caches share it.
+    if (is_large_[i] != large) is_large_[i] = large;
+    (large ? state.large : state.small).push_back(body);
+    if (large) continue;
     state.low = state.low.cwiseMin(in.position[i]);
     state.high = state.high.cwiseMax(in.position[i]);
     state.max_radius = std::max(state.max_radius, in.radius[i]);
@@ -212,7 +225,7 @@ void UniformGrid::fill_spheres(const Input& in, IndexRange sorted) {
 void UniformGrid::collect_keys(std::span<const std::int32_t> bodies) {
   std::size_t count = 0;
   for (const std::int32_t body : bodies)
-    if (cell_of_body_[body] >= 0) keys_[count++] = {key_of_body_[body], body};
+    if (!is_large_[body]) keys_[count++] = {key_of_body_[body], body};
 }
 
 void UniformGrid::sort_keys() {

@@ -77,11 +77,16 @@ class UniformGrid {
   int index(int x, int y, int z) const { return (z * cell_count_[1] + y) * cell_count_[0] + x; }
   // x and y may be one past the last cell.
   int first_in_cell(int x, int y, int z) const { return cell_start_[index(x, y, z)]; }
+  // A body, its cell and that one's y.
+  struct CellBody {
+    std::int32_t cell, line, body;
+  };
   // Working memory of one member, on cache lines of its own.
   struct alignas(128) MemberState {
     Vec3 low, high;
     float max_radius;
-    std::vector<std::int32_t> large;
+    std::vector<std::int32_t> small, large;     // of its bodies
+    std::vector<CellBody> in_lines, elsewhere;  // dense: bodies in its lines of cells; its bodies in others'
   };
   // A body and the place of its cell in the order of the cells.
   struct BodyKey {
@@ -91,7 +96,7 @@ class UniformGrid {
   void compute_bounds(const Input&, std::span<const std::int32_t> own, MemberState&);
   void resize_cells(std::size_t bodies);
   void sort_few(const Input&);
-  void sort_dense(const Input&, std::span<const std::int32_t> own, const Member&);
+  void sort_dense(const Input&, const Member&);
   void compute_row_starts();
   void sort_sparse(const Input&, std::span<const std::int32_t> own, const Member&);
   void collect_keys(std::span<const std::int32_t> bodies);
@@ -130,8 +135,7 @@ class UniformGrid {
   std::vector<std::int32_t> column_;                        // by sorted position
   std::vector<float> x_, y_, z_, radius_;    // by sorted position, kSimdPadding more at the end
   std::vector<MemberState> member_state_;    // one per member
-  std::vector<std::int32_t> cell_of_body_;   // by body; −1: large
-  std::vector<std::int32_t> line_of_body_;   // by body; dense only: the cell's y
+  std::vector<std::uint8_t> is_large_;       // by body
   std::vector<std::uint64_t> key_of_body_;   // by body; sparse only
   std::vector<BodyKey> keys_, sorted_keys_;  // by sorted position
 };
