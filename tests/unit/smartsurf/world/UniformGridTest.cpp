@@ -5,6 +5,7 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -88,6 +89,35 @@ TEST(Grid, SubrangesCoverAllPairs) {
 }
 
 // Fewer bodies than are worth cells: the same pairs and the same order as of more.
+// Whoever lists which bodies: the grid's order is that of the contacts.
+TEST(Grid, SameOrderForAnyNumberOfMembers) {
+  for (const float size : {6.0F, 40.0F, 200.0F})
+    for (const unsigned seed : {1U, 2U, 3U}) {
+      Cloud cloud(400, size, seed);
+      cloud.reach[7] = 20.0F;  // large
+      const auto order_of = [](const UniformGrid& grid) {
+        std::vector<std::array<int, 3>> order;
+        for (const UniformGrid::Row& row : grid.rows()) order.push_back({row.y, row.z, row.begin});
+        for (int k = 0; k < grid.sorted_count(); ++k) order.push_back({grid.body(k), grid.column(k), 0});
+        for (const std::int32_t body : grid.large_bodies()) order.push_back({body, 0, 0});
+        return order;
+      };
+      UniformGrid alone, shared;
+      build(alone, cloud);
+      ASSERT_EQ(alone.sorted_count(), 399);
+      for (const int members : {2, 3, 5}) {
+        build(shared, cloud, members);
+        EXPECT_EQ(order_of(shared), order_of(alone)) << size << ", " << members << " members";
+        Pairs found, expected;
+        shared.for_each_pair(0, 399, [&](int i, int j) { found.insert({i, j}); });
+        alone.for_each_pair(0, 399, [&](int i, int j) { expected.insert({i, j}); });
+        EXPECT_EQ(found, expected);
+        std::swap(cloud.reach[7], cloud.reach[8]);  // the next grid has another large body
+        build(alone, cloud);
+      }
+    }
+}
+
 TEST(Grid, FewBodiesAreInTheOrderOfTheirCells) {
   for (int n = 0; n <= 40; ++n)
     for (const float size : {0.2F, 3.0F, 12.0F, 90.0F}) {
