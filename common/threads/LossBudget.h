@@ -11,7 +11,8 @@ namespace common {
 // the loss is kMostLossShare_percent of that time, at most for kMostPause_ns. Then, and at first, it must
 // have had its own core to itself for kCalm_ns of work; after a further loss for twice that, up to
 // kMostCalm_ns. Where more threads want cores than there are, it then looks again after as much work, for
-// kMostCrowd_ns: a thread that meets others on its core goes on losing time to them after it has left.
+// kMostCrowd_ns: after an attempt to share such a machine, Linux was seen to give the caller less time for
+// seconds.
 //
 // An idle machine takes a core away, too, now and then, above all a virtual one. So up to kMostCredit_ns of
 // what jobs have gained is spent before losses count, and after jobs that had gained all of that, the pause

@@ -63,9 +63,8 @@ void UniformGrid::sort_few(const Input& in) {
 }
 
 // A counting sort by cell. Each member sorts the bodies of its lines of cells, in all layers: most are its
-// own, and it takes the few others from the lists of those who own them, because a cache line that two
-// members write, or that one reads from the other's cache, costs as much as sorting the bodies in it. The
-// bodies of each cell are then sorted by index, so the order does not depend on who owns which.
+// own, and it takes the few others from the lists of those who own them, so that few cache lines move between
+// cores. The bodies of each cell are then sorted by index: the order does not depend on who owns which.
 void UniformGrid::sort_dense(const Input& in, const Member& member) {
   MemberState& state = member_state_[member.index];
   const IndexRange lines = member.share(cell_count_[1]);

@@ -88,7 +88,6 @@ TEST(Grid, SubrangesCoverAllPairs) {
   }
 }
 
-// Fewer bodies than are worth cells: the same pairs and the same order as of more.
 // Whoever lists which bodies: the grid's order is that of the contacts.
 TEST(Grid, SameOrderForAnyNumberOfMembers) {
   for (const float size : {6.0F, 40.0F, 200.0F})
@@ -118,6 +117,7 @@ TEST(Grid, SameOrderForAnyNumberOfMembers) {
     }
 }
 
+// Fewer bodies than are worth cells: the same pairs and the same order as of more.
 TEST(Grid, FewBodiesAreInTheOrderOfTheirCells) {
   for (int n = 0; n <= 40; ++n)
     for (const float size : {0.2F, 3.0F, 12.0F, 90.0F}) {
