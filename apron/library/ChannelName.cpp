@@ -61,4 +61,11 @@ std::string resolve_channel(std::span<const NamedChannel> channels, bool is_sens
                    channel, components, name, components - 1);
 }
 
+bool has_channel(std::span<const NamedChannel> channels, std::string_view name) {
+  ChannelComponent unused;
+  return std::ranges::find(channels, name, &NamedChannel::name) != channels.end() ||
+         resolve_channel(channels, true, name, unused).empty() ||
+         resolve_channel(channels, false, name, unused).empty();
+}
+
 }  // namespace apron::library

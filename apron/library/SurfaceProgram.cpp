@@ -67,9 +67,7 @@ class ControlledSurfaceHost final : public EmbeddedHost {
   std::optional<double> time_s() const override { return frame_->time_s; }
   std::optional<double> dt_s() const override { return period_s_; }
   std::optional<double> tick() const override { return static_cast<double>(frame_->tick); }
-  bool has(std::string_view channel) const override {
-    return std::ranges::find(channels_, channel, &NamedChannel::name) != channels_.end();
-  }
+  bool has(std::string_view channel) const override { return has_channel(channels_, channel); }
 
  private:
   template <class Plane>

@@ -505,7 +505,7 @@ py::object Function::run_batch(const std::shared_ptr<Variant>& shared, Arguments
         constexpr std::uint32_t kRunsBetweenChecks = 64;
         if (index % kRunsBetweenChecks == 0) check_signals();
       } catch (...) {
-        interrupted = interrupted || in_check;
+        if (in_check) interrupted = true;
         if (failures[thread].error == nullptr || in_check)
           failures[thread] = {in_check ? 0 : index, std::current_exception()};
       }

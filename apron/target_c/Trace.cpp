@@ -292,9 +292,7 @@ class Tracer {
   }
 
   std::uint32_t channel(const std::string& name, bool is_sensor) {
-    if (options_.channels &&
-        std::ranges::find(*options_.channels, base_name(name)) == options_.channels->end() &&
-        std::ranges::find(*options_.channels, name) == options_.channels->end())
+    if (options_.channels && !is_declared(name))
       refuse(fmt::format("the surface has no channel '{}'; --channels names {}", name,
                          fmt::join(*options_.channels, ", ")));
     auto& channels = result_.channels;
@@ -305,12 +303,19 @@ class Tracer {
   }
   // Without the component: 'colour.r' and 'colour[0]' are of the channel 'colour'.
   static std::string base_name(const std::string& name) { return name.substr(0, name.find_first_of(".[")); }
+  // Whether --channels names the channel, with or without its component.
+  bool is_declared(const std::string& name) const {
+    const auto is_named = [&](const std::string& channel) {
+      return std::ranges::find(*options_.channels, channel) != options_.channels->end();
+    };
+    return is_named(name) || is_named(base_name(name));
+  }
   bool has_channel(const std::string& name) const {
-    if (options_.channels) return std::ranges::find(*options_.channels, name) != options_.channels->end();
+    if (options_.channels) return is_declared(name);
     return std::ranges::any_of(program_.code, [&](const Instruction& i) {
-      const std::size_t operand = i.op == Opcode::kSurfaceSense || i.op == Opcode::kSurfaceActuate ? 0 : 1;
-      return operand == 0 && (program_.texts[i.operands[0].index] == name ||
-                              base_name(program_.texts[i.operands[0].index]) == name);
+      if (i.op != Opcode::kSurfaceSense && i.op != Opcode::kSurfaceActuate) return false;
+      const std::string& used = program_.texts[i.operands[0].index];
+      return used == name || base_name(used) == name;
     });
   }
 

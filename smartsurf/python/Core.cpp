@@ -258,9 +258,19 @@ class Simulation {
     refresh();
   }
 
+  // Of the environment as it was made: another thread may be using it.
   const Environment& environment() const { return environment_; }
+  // get(environment) of an environment that no other thread is using.
+  template <class Get>
+  auto read(const Get& get) const {
+    const Exclusive use(in_use_);
+    return get(environment_);
+  }
   Array<float> observation() const { return observation_; }
-  py::dict objects() { return objects_.get(environment_.simulation().partial_snapshot()); }
+  py::dict objects() {
+    const Exclusive use(in_use_);
+    return objects_.get(environment_.simulation().partial_snapshot());
+  }
 
   // targets: channels × rows × columns.
   py::tuple step(const Array<float>& targets) {
@@ -350,6 +360,7 @@ class Simulation {
   }
   // The actuator targets in effect: channels × rows × columns, a copy.
   Array<float> targets() const {
+    const Exclusive use(in_use_);
     const auto channels = environment_.simulation().actuators();
     const scene::SurfaceSpec& surface = environment_.scene().surface;
     Array<float> out({static_cast<py::ssize_t>(channels.size()), static_cast<py::ssize_t>(surface.rows),
@@ -365,7 +376,7 @@ class Simulation {
     objects_.update(environment_.simulation().partial_snapshot());
   }
 
-  std::atomic_flag in_use_;
+  mutable std::atomic_flag in_use_;
   Environment environment_;
   Array<float> observation_;  // of the latest tick: planes × rows × columns
   ObjectArrays objects_;
@@ -385,13 +396,14 @@ class Window {
   }
   // False once the user has closed it or the display is lost; then it must not be called again.
   bool show(const Simulation& simulation) {
-    const Environment& environment = simulation.environment();
-    view::Status status;
-    status.mode = "Python";
-    status.metrics = environment.metrics();
-    const view::Commands commands = window_.render_frame(
-        {environment.simulation().snapshot(), environment.simulation().catalogue()}, status);
-    return !commands.quit && !commands.display_lost;
+    return simulation.read([this](const Environment& environment) {
+      view::Status status;
+      status.mode = "Python";
+      status.metrics = environment.metrics();
+      const view::Commands commands = window_.render_frame(
+          {environment.simulation().snapshot(), environment.simulation().catalogue()}, status);
+      return !commands.quit && !commands.display_lost;
+    });
   }
 
  private:
@@ -412,8 +424,15 @@ class Batch {
                      first.scene().surface.rows, first.scene().surface.columns};
   }
 
+  // Of the batch and its worlds as they were made: another thread may be using them.
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
+  // get(batch, index) of a world that no other thread is using.
+  template <class Get>
+  auto read(int index, const Get& get) const {
+    const Exclusive use(in_use_);
+    return get(*batch_, check(index));
+  }
 
   // Each state: observations, info, seeds, success, actions that are not finite, objects, time. Empty arrays
   // are not written.
@@ -526,9 +545,10 @@ class Batch {
     for (int i = 0; i < batch_->world_count(); ++i) recorder_->on_end(i, batch_->world(i));
     recorder_.reset();
   }
-  void observe_objects() { batch_->observe_objects(arrays_.state); }
-
-  py::dict final_metrics(int index) const { return to_dict(batch_->final_metrics(check(index))); }
+  void observe_objects() {
+    const Exclusive use(in_use_);
+    batch_->observe_objects(arrays_.state);
+  }
   py::array_t<std::uint8_t> render(int index, int width, int height, const CameraChoice& camera) {
     const Exclusive use(in_use_);
     return to_array(python::render(world(index), view_, width, height, camera, /*fast=*/true));
@@ -570,7 +590,7 @@ class Batch {
     return index;
   }
 
-  std::atomic_flag in_use_;
+  mutable std::atomic_flag in_use_;
   bool has_controller_;
   std::unique_ptr<EnvironmentBatch> batch_;
   std::array<py::ssize_t, 4> action_shape_{};
@@ -639,17 +659,30 @@ PYBIND11_MODULE(_core, m) {
       .def_property_readonly("objects", &Simulation::objects)
       .def_property_readonly("targets", &Simulation::targets)
       .def_property_readonly("metrics",
-                             [](const Simulation& s) { return to_dict(s.environment().metrics()); })
-      .def_property_readonly("tick",
-                             [](const Simulation& s) { return s.environment().simulation().snapshot().tick; })
+                             [](const Simulation& s) {
+                               return s.read([](const Environment& e) { return to_dict(e.metrics()); });
+                             })
       .def_property_readonly(
-          "time", [](const Simulation& s) { return s.environment().simulation().snapshot().time_s; })
+          "tick",
+          [](const Simulation& s) {
+            return s.read([](const Environment& e) { return e.simulation().partial_snapshot().tick; });
+          })
+      .def_property_readonly(
+          "time",
+          [](const Simulation& s) {
+            return s.read([](const Environment& e) { return e.simulation().partial_snapshot().time_s; });
+          })
       .def_property_readonly(
           "state_hash",
-          [](const Simulation& s) { return s.environment().simulation().snapshot().state_hash; })
-      .def_property_readonly("seed", [](const Simulation& s) { return s.environment().seed(); })
+          [](const Simulation& s) {
+            return s.read([](const Environment& e) { return e.simulation().snapshot().state_hash; });
+          })
+      .def_property_readonly(
+          "seed", [](const Simulation& s) { return s.read([](const Environment& e) { return e.seed(); }); })
       .def("label",
-           [](const Simulation& s, std::uint32_t id) { return s.environment().simulation().label(id); })
+           [](const Simulation& s, std::uint32_t id) {
+             return s.read([id](const Environment& e) { return e.simulation().label(id); });
+           })
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
       .def("finish", &Simulation::finish)
@@ -711,13 +744,40 @@ PYBIND11_MODULE(_core, m) {
       .def("reset", &Batch::reset)
       .def("save", &Batch::save)
       .def("restore", &Batch::restore)
-      .def("started_seed", [](const Batch& b, int index) { return b.batch().started_seed(index); })
-      .def("error", [](const Batch& b, int index) { return b.batch().error(index); })
-      .def("episode_over", [](const Batch& b, int index) { return b.batch().episode_over(index); })
-      .def("final_metrics", &Batch::final_metrics)
-      .def("metrics", [](const Batch& b, int index) { return to_dict(b.world(index).metrics()); })
+      .def("started_seed",
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.started_seed(i); });
+           })
+      .def("error",
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.error(i); });
+           })
+      .def("has_running_episode",
+           [](const Batch& b, int index) {
+             return b.read(index,
+                           [](const EnvironmentBatch& batch, int i) { return batch.has_running_episode(i); });
+           })
+      .def("episode_over",
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.episode_over(i); });
+           })
+      .def("final_metrics",
+           [](const Batch& b, int index) {
+             return b.read(
+                 index, [](const EnvironmentBatch& batch, int i) { return to_dict(batch.final_metrics(i)); });
+           })
+      .def("metrics",
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) {
+               return to_dict(batch.world(i).metrics());
+             });
+           })
       .def("state_hash",
-           [](const Batch& b, int index) { return b.world(index).simulation().snapshot().state_hash; })
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) {
+               return batch.world(i).simulation().snapshot().state_hash;
+             });
+           })
       .def("render", &Batch::render);
 }
 

@@ -59,6 +59,8 @@ class Environment {
   // Throws scene::InputError if the episode could not start.
   const Simulation& simulation() const;
   std::uint64_t seed() const { return scene().world.seed; }
+  // False if the episode could not start or has failed: only reset() and restore() may follow.
+  bool has_running_episode() const { return simulation_ != nullptr && !failed_; }
 
   // Starts the next episode with that seed. The result is that of a new environment with the seed. The script
   // runs again only if it draws random numbers while it loads; otherwise its variables return to their values

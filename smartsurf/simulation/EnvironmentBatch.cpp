@@ -217,7 +217,7 @@ void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const 
 
 void EnvironmentBatch::observe_objects(const StateArrays& a) const {
   for (std::size_t i = 0; i < worlds_.size(); ++i)
-    if (worlds_[i].error.empty()) write_objects(i, a);
+    if (worlds_[i].environment->has_running_episode()) write_objects(i, a);
 }
 
 void EnvironmentBatch::copy_state(std::size_t i, const StateArrays& from, const StateArrays& to) const {
@@ -261,6 +261,7 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   worlds_[i].locate_simulation();
   worlds_[i].seed = worlds_[i].environment->seed();
   worlds_[i].episode_over = false;
+  worlds_[i].error.clear();
   worlds_[i].start_error.clear();
   write_state(i, {}, a.state);
 }

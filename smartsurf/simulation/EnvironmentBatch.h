@@ -95,6 +95,8 @@ class EnvironmentBatch {
   void observe_objects(const StateArrays&) const;
   // Why the world failed in the latest step() or reset(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
+  // As Environment's: true also for a world that has failed and was reset in the same step.
+  bool has_running_episode(int index) const { return worlds_[index].environment->has_running_episode(); }
 
   // True if the next step() resets the world, unless with kDisabled.
   bool episode_over(int index) const { return worlds_[index].episode_over; }

@@ -128,7 +128,7 @@ def layer_violation(module, source, target):
 
 def violations(root):
     files = [p for folder in ("common", "shm-protocol", "smartsurf", "apron") for p in (root / folder).rglob("*")
-             if p.suffix in {".h", ".cpp", ".c", ".def"}]
+             if p.suffix in {".h", ".hpp", ".cpp", ".c", ".def"}]
     if len(files) < 50:
         yield f"only {len(files)} sources found under {root}: wrong folder?"
     for path in sorted(files):

@@ -135,8 +135,7 @@ HostStatus SurfaceHost::check_shape(std::string_view name, const vm::ConstPlane&
 }
 
 bool SurfaceHost::has(std::string_view channel) const {
-  return surface_.description().channel(Direction::kSensor, channel) >= 0 ||
-         surface_.description().channel(Direction::kActuator, channel) >= 0;
+  return library::has_channel(channel_names_, channel);
 }
 
 std::optional<double> SurfaceHost::time_s() const { return surface_.sensor_info().time_s; }

@@ -196,7 +196,7 @@ void Board::on_frame() {
   if (silent_) is_back = true;
   silent_ = false;
   const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
-  if (step == 0 || step > 1u << 30)
+  if (step == 0 || step > kMostLostTicks)
     enter_silence(), silent_ = false;  // ticks restarted before the description came
   if (step > 1 && step < 1u << 20) counters_.lost += step - 1;
   if (seen_frame_ && step != 0) counters_.missed += std::min(frame.missed - device_missed_, step);
@@ -291,15 +291,18 @@ void Board::send_heartbeat() {
 
 void Board::send_reason(std::uint8_t type, std::uint32_t reason) {
   if (!port_) return;
+  if (type == SSW_STOP_NOW) out_.clear();  // it waits for no frame on a slow line
   link_.write_reason(type, reason, out_);
   flush();
 }
 
 void Board::send_stop() {
   if (!port_) return;
+  out_.clear();
   link_.write(SSW_STOP, device_tick_, out_);
-  for (int attempt = 0; attempt < 50 && flush() && !out_.empty(); ++attempt)
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  flush();
 }
+
+bool Board::send_pending() { return !port_ || !flush() || out_.empty(); }
 
 }  // namespace hardware

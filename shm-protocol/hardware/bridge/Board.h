@@ -87,7 +87,9 @@ class Board {
   void send_safe();
   void send_heartbeat();
   void send_reason(std::uint8_t type, std::uint32_t reason);
-  void send_stop();  // and waits a moment for the line to take it
+  void send_stop();
+  // Returns whether nothing is left to send, or the line is lost.
+  bool send_pending();
   std::size_t actuator_elements() const { return link_.actuator_elements(); }
 
   const ClockSync& clock() const { return sync_; }

@@ -292,6 +292,10 @@ void Bridge::on_frame() {
   if (!surface_) return;
   const SensorFrame& frame = link_.frame();
   last_frame_ = Clock::now();
+  if (seen_frame_ && (frame.tick == device_tick_ || frame.tick - device_tick_ > kMostLostTicks)) {
+    enter_silence();  // ticks restarted before the description came
+    seen_frame_ = false;
+  }
   count_missed_deadlines(frame);
   const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
   if (step > 1) {
@@ -414,6 +418,7 @@ void Bridge::check_emergency_stop() {
   // Repeated each period until the device's frames show that it has arrived.
   if (packet == 0 || device_->version < 2 || stop_sent_tick_ == device_tick_) return;
   stop_sent_tick_ = device_tick_;
+  if (packet == SSW_STOP_NOW) out_.clear();  // it waits for no frame on a slow line
   link_.write_reason(packet, packet == SSW_STOP_NOW ? emergency_.reason() : SSW_NONE, out_);
   flush();
 }
@@ -423,6 +428,7 @@ std::string Bridge::answer(const std::string& command) {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     log_.add("emergency stop by the user");
     if (port_ && link_.described()) {
+      out_.clear();  // as in check_emergency_stop()
       if (device_->version >= 2) link_.write_reason(SSW_STOP_NOW, SSW_STOP_BY_HOST, out_);
       fill_actuators(true);
       link_.write_frame(device_tick_, actuators_, out_);

@@ -322,7 +322,7 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   fit.value[CellFit::kSensorZero] = sensor_zero;
   fit.error[CellFit::kSensorZero] = std::sqrt(its_variance);
   fit.value[CellFit::kZero] = best[0] - sensor_zero;
-  fit.error[CellFit::kZero] = std::sqrt(covariance(0, 0) + its_variance);
+  fit.error[CellFit::kZero] = std::hypot(error(0), std::sqrt(its_variance));
   return fit;
 }
 

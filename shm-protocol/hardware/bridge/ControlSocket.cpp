@@ -67,6 +67,8 @@ int send_command(const std::string& surface, const std::string& command) {
   if (socket < 0 || ::setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience) != 0 ||
       ::connect(socket, reinterpret_cast<const sockaddr*>(&a.at), a.bytes) != 0)
     fail(socket, errno == EAGAIN ? silent(surface) : "no bridge serves surface '" + surface + "'");
+  if (!is_trusted(socket))
+    fail(socket, "another user's program listens in place of the bridge of surface '" + surface + "'");
   if (::send(socket, command.data(), command.size(), MSG_NOSIGNAL) < 0)
     fail(socket, "the bridge of surface '" + surface + "' has ended");
   return socket;
@@ -114,7 +116,9 @@ ControlSocket::~ControlSocket() {
 }
 
 void ControlSocket::serve(const std::function<std::string(const std::string&)>& answer) {
-  for (int client; (client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC)) >= 0;) {
+  for (std::size_t i = 0; i < kMostClients; ++i) {  // a call: who connects without end holds up no tick
+    const int client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (client < 0) break;
     if (!is_trusted(client)) {
       ::close(client);
       continue;

@@ -16,6 +16,10 @@
 
 namespace hardware {
 
+// A frame that is not ahead of the last one, or ahead by more, comes from a device whose ticks have
+// restarted.
+constexpr std::uint32_t kMostLostTicks = 1u << 30;
+
 struct DeviceChannel {
   std::string name, unit;
   bool sensor = true;

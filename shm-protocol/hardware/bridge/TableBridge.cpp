@@ -4,9 +4,11 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <thread>
 #include <utility>
 
 namespace hardware {
@@ -87,8 +89,12 @@ Outcome TableBridge::run() {
          !(options_.ticks && counters_.frames >= *options_.ticks && !awaiting_answer_))
     serve();
   const bool stopped = stop_.load();
+  for (const auto& board : boards_) board->send_stop();
+  for (int attempt = 0;
+       attempt < 50 && !std::ranges::all_of(boards_, [](const auto& board) { return board->send_pending(); });
+       ++attempt)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   for (const auto& board : boards_) {
-    board->send_stop();
     counters_.damaged_packets += board->damaged_packets();
     counters_.lost_packets += board->lost_packets();
   }

@@ -121,11 +121,12 @@ void EmulatedBoard::carry() {
 
 void EmulatedBoard::next_period() {
   ++period_;
+  if (options_.restarts && (period_ == options_.unplug_at || period_ == options_.silent_at))
+    device_->restart();
   if (within(options_.unplug_at, options_.unplug_for)) {
     line_.unplug();
     from_host_.clear();
     to_host_.clear();
-    if (options_.restart_unplugged && period_ == options_.unplug_at) device_->restart();
   } else {
     line_.plug();
   }

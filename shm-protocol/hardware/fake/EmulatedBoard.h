@@ -26,7 +26,7 @@ struct EmulatedBoardOptions {
   bool blocking = false;              // writes wait for room instead, as they must not
   bool version_1 = false;             // ignores version 2 of the byte protocol
   std::uint64_t silent_at = 0, silent_for = 50, unplug_at = 0, unplug_for = 50;  // *_at 0: never
-  bool restart_unplugged = false;
+  bool restarts = false;  // as it falls silent or its line is cut
 };
 
 class EmulatedBoard {
@@ -52,7 +52,7 @@ class EmulatedBoard {
   void fall_silent() { options_.silent_at = period_ + 1; }
   void cut_line() { options_.unplug_at = period_ + 1; }
   void set_faults(std::uint64_t silent_for, std::uint64_t unplug_for, bool restart) {
-    options_.silent_for = silent_for, options_.unplug_for = unplug_for, options_.restart_unplugged = restart;
+    options_.silent_for = silent_for, options_.unplug_for = unplug_for, options_.restarts = restart;
   }
   void set_noise(double drop, double corrupt);
   void restart() { device_->restart(); }

@@ -76,7 +76,7 @@ constexpr const char* kUsage =
     "  --seed N         of noise, clocks and storm [1]\n"
     "  --silent-at N    say nothing from the Nth period on, for --silent-for N periods [50]\n"
     "  --unplug-at N    cut the line at the Nth period, for --unplug-for N periods [50]\n"
-    "  --restart        the device restarts while it is unplugged\n"
+    "  --restart        the device restarts as it falls silent or is unplugged\n"
     "  --storm N        N times a second, unplug, restart, silence or disturb a random board\n"
     "SIGUSR1 makes the first board silent, and SIGUSR2 cuts its line, from the next period on. A timer "
     "interrupt runs the\n"
@@ -170,7 +170,7 @@ Options parse(int argc, char** argv) {
   add_count("silent-for", b.silent_for);
   add_count("unplug-at", b.unplug_at);
   add_count("unplug-for", b.unplug_for);
-  add_switch("restart", b.restart_unplugged);
+  add_switch("restart", b.restarts);
   add_number("storm", 0.0, 1000.0, o.storm);
   if (!common::read_flags(argc, argv, flags).empty()) throw std::invalid_argument("see --help");
   if (limits.slew > 0 || limits.acceleration > 0 || limits.soft_start > 0 || limits.most_moving > 0)
@@ -180,6 +180,10 @@ Options parse(int argc, char** argv) {
     throw std::invalid_argument("--world: the surface '" + o.world +
                                 "' takes the place of --device, --errors, "
                                 "--pins and --period-ms");
+  if (const int last = b.tcp + o.board_rows * o.board_columns - 1; b.tcp > 0 && last > 65535)
+    throw std::invalid_argument("--tcp: " + std::to_string(o.board_rows * o.board_columns) +
+                                " boards from port " + std::to_string(b.tcp) + " need port " +
+                                std::to_string(last) + ", but the last is 65535");
   if (o.device.empty()) o.device = "toy";
   if (o.device != "toy" && o.device != "pillars")
     throw std::invalid_argument("--device: '" + o.device + "' must be toy or pillars");
@@ -471,7 +475,7 @@ int main(int argc, char** argv) {
   } catch (const std::invalid_argument& e) {
     std::fprintf(stderr, "device_emulator: error: %s\n", e.what());
     return 2;
-  } catch (const std::runtime_error& e) {
+  } catch (const std::exception& e) {
     std::fprintf(stderr, "device_emulator: error: %s\n", e.what());
     return 1;
   }

@@ -45,6 +45,7 @@ enum Reference : fmi3ValueReference {
 // A state that the importer keeps: that of the environment, and the inputs.
 struct State {
   std::string bytes;
+  std::uint64_t seed;
   std::vector<std::vector<float>> inputs;
   double time_s;
   smartsurf_result result;
@@ -63,13 +64,15 @@ class Instance {
     std::string line;
     if (!std::getline(file, line) || line != token)
       throw std::runtime_error("the instantiation token is not that of modelDescription.xml");
-    file >> seed_;
+    file >> start_seed_;
     std::getline(file >> std::ws, script_);
     while (std::getline(file, line)) set_.push_back(line);
-    load();
+    load(start_seed_);
   }
 
-  void load() {
+  // Puts a new environment in its initial state.
+  void load(std::uint64_t seed) {
+    seed_ = seed;
     std::vector<const char*> set;
     for (const std::string& assignment : set_) set.push_back(assignment.c_str());
     const std::string file = resources_ + script_;
@@ -92,7 +95,7 @@ class Instance {
     object_count_ = state().object_count;
   }
 
-  void set_seed(std::uint64_t seed) { seed_ = seed; }
+  void reset() { load(start_seed_); }
 
   // Takes the steps that end by `until_s`: outputs are those of the latest control period.
   void advance(double until_s) {
@@ -111,10 +114,11 @@ class Instance {
     const void* bytes = nullptr;
     std::size_t count = 0;
     require(smartsurf_save(table_.get(), &bytes, &count));
-    return {std::string(static_cast<const char*>(bytes), count), inputs_, time_s_, result_};
+    return {std::string(static_cast<const char*>(bytes), count), seed_, inputs_, time_s_, result_};
   }
   void restore(const State& saved) {
     require(smartsurf_restore(table_.get(), saved.bytes.data(), saved.bytes.size()));
+    seed_ = saved.seed;
     inputs_ = saved.inputs;
     time_s_ = saved.time_s;
     result_ = saved.result;
@@ -197,7 +201,7 @@ class Instance {
   std::vector<std::string> set_;
   void* environment_;
   fmi3LogMessageCallback log_;
-  std::uint64_t seed_ = 0;
+  std::uint64_t start_seed_ = 0, seed_ = 0;
   std::unique_ptr<smartsurf_environment, decltype(&smartsurf_destroy)> table_{nullptr, smartsurf_destroy};
   std::vector<std::vector<float>> inputs_;  // of each actuator channel
   smartsurf_result result_{};               // of the latest step
@@ -260,7 +264,7 @@ FMI3 fmi3Status fmi3EnterInitializationMode(void*, bool, double, double start_s,
 FMI3 fmi3Status fmi3ExitInitializationMode(void*) { return fmi3OK; }
 FMI3 fmi3Status fmi3Terminate(void*) { return fmi3OK; }
 FMI3 fmi3Status fmi3Reset(void* instance) {
-  return guarded(instance, [](Instance& it) { it.load(); });
+  return guarded(instance, [](Instance& it) { it.reset(); });
 }
 
 FMI3 fmi3Status fmi3DoStep(void* instance, double from_s, double step_s, bool, bool* event_needed,
@@ -307,8 +311,7 @@ FMI3 fmi3Status fmi3SetUInt64(void* instance, const fmi3ValueReference* referenc
     for (std::size_t i = 0; i < count; ++i)
       if (references[i] != kSeed) throw std::runtime_error("only the seed can be set");
     if (count == 0 || value_count != count) throw std::runtime_error("the seed is one number");
-    it.set_seed(values[value_count - 1]);
-    it.load();
+    it.load(values[value_count - 1]);
   });
 }
 

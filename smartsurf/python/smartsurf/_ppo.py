@@ -84,7 +84,7 @@ class Rewards:
         """Both: decisions × worlds."""
         for now, over in zip(rewards, ends):
             self.returns = self._discount * self.returns + now
-            self.moments.add(self.returns[:, None].astype(np.float32).ravel())
+            self.moments.add(self.returns.astype(np.float32))
             self.returns[over] = 0
         return np.clip(rewards / self.moments.deviation, -10, 10).astype(np.float32)
 

@@ -399,9 +399,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._batch = Closed()  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        failed = [bool(self._batch.error(i)) for i in range(self.num_envs)]
         over = [self._batch.episode_over(i) for i in range(self.num_envs)]
-        states = [b"" if failed[i] else self._batch.save(i) for i in range(self.num_envs)]
+        states = [self._batch.save(i) if self._batch.has_running_episode(i) else b"" for i in range(self.num_envs)]
         arrays = [array.copy() for array in (*self._state_arrays, self._rewards, self._terminated, self._truncated)]
         started = [self._batch.started_seed(i) for i in range(self.num_envs)]
         return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, started, states, arrays, over,

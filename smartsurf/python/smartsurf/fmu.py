@@ -114,7 +114,9 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
         contents[name] = file.read_bytes()
     start = "\n".join([str(simulation.seed), script.name, *set, ""])
     token = hashlib.sha256(b"\0".join([__version__.encode(), start.encode(), *(n.encode() + b"\0" + c for n, c in contents.items())]))
-    system = {"x86_64": "x86_64-linux", "aarch64": "aarch64-linux"}[platform.machine()]
+    if platform.machine() not in ("x86_64", "aarch64"):
+        raise FmuError(f"fmu: FMI 3.0 has no name for this platform, {platform.machine()}")
+    system = f"{platform.machine()}-linux"
     members = {"modelDescription.xml": _description(script.stem, token.hexdigest(), simulation).encode(),
                f"binaries/{system}/{_LIBRARY}.so": library.read_bytes(),
                "resources/start": f"{token.hexdigest()}\n{start}".encode(),

@@ -167,6 +167,30 @@ TEST(Bridge, SilentDeviceGetsSafeValuesAndRecovers) {
   EXPECT_GE(bridge.figure("silences"), 1u);
 }
 
+// It hears that it may start, but what it says of itself is lost in the silence.
+TEST(Bridge, TicksOfADeviceThatRestartsUnheardGoOn) {
+  const std::string name = surface_name("bridge-restart");
+  Device device({"--pty", line_path("restart"), "--size", kSize, "--period-ms", "5", "--silent-for", "400",
+                 "--restart"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "0.2"});
+  Checker checker(name);
+  while (checker.echoed < 20) checker.tick();
+  device.program.signal(SIGUSR1);
+  while (!(checker.controller.sensor_info().status & kAfterSilence)) {
+    ASSERT_EQ(checker.controller.await_sensors({.timeout = 100s}), Status::kOk);
+    checker.answer();
+  }
+  EXPECT_LT(checker.controller.sensor_info().tick, 100'000u);
+  checker.last_tick = checker.controller.sensor_info().tick;
+  checker.forget_offset();
+  for (const auto offset : std::exchange(checker.offsets, {})) checker.offsets.insert(offset - 1500);
+  const auto before = checker.echoed;
+  while (checker.echoed < before + 20) checker.tick();
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130);
+  EXPECT_LT(bridge.figure("lost"), 10'000u);
+}
+
 class Unplugged : public testing::TestWithParam<std::string> {};
 
 TEST_P(Unplugged, DeviceReturnsInTheSameSession) {

@@ -295,8 +295,17 @@ class Fmu(FormatTest):
                     unit.setFloat32(refer('actuators.height'), [1.0])
                     raise AssertionError('accepted')
                 except fmpy.fmi1.FMICallException: pass
+                kept = unit.getFMUState()
+                unit.setUInt64(refer('seed'), [9])
+                other = state()
+                unit.setFMUState(kept)
+                assert unit.getUInt64(refer('seed')) == [7]
+                unit.freeFMUState(kept)
                 unit.reset()
-                assert tick() == 0
+                first = int(variables['seed'].start)
+                fresh = smartsurf.Simulation('table.lua', seed=first, set=options)
+                assert unit.getUInt64(refer('seed')) == [first] and other[1] == 0
+                assert state()[:2] == (fresh.state_hash, 0), (state(), fresh.state_hash)
                 unit.terminate()
                 unit.freeInstance()
             print(json.dumps(results))

@@ -584,6 +584,26 @@ class VectorEnvironments(ExperimentTest):
             for tick in range(300):
                 strict.step(sampled(strict.action_space, tick))
 
+    def test_a_failed_world_that_was_restored_is_copied_with_its_state(self):
+        fail = "local fails = false on_tick(function(t) if fails and t > 0.1 then error('late') end end)"
+        path = self.script(ENDINGS.replace("on_reset(function()", fail + "on_reset(function() fails = math.random(8) < 3"))
+        envs = smartsurf.VectorEnv(path, 6, 1, seed=0, autoreset_mode=AutoresetMode.DISABLED)
+        envs.reset(seed=0)
+        states, failed = [envs.save(i) for i in range(6)], np.zeros(6, bool)
+        for tick in range(20):
+            failed |= np.isnan(envs.step(sampled(envs.action_space, tick))[1])
+            if failed.any():
+                break
+        self.assertTrue(0 < failed.sum() < 6, failed)
+        broken, sound = np.flatnonzero(failed)[0], np.flatnonzero(~failed)[0]
+        pickle.loads(pickle.dumps(envs))
+        envs.restore(broken, states[sound])
+        other = pickle.loads(pickle.dumps(envs))
+        self.assertEqual(envs.state_hash(broken), other.state_hash(broken))
+        envs.objects
+        envs.teleport(position=(1, 1, 7), worlds=[int(broken)])
+        self.assertTrue((envs.objects["position"][broken, 0] == (1, 1, 7)).all())
+
     def test_a_world_that_cannot_start_fails_in_its_first_step(self):
         start = "on_reset(function() if math.random(3) == 1 then error('early') end"
         path = self.script(ENDINGS.replace("on_reset(function()", start))
@@ -722,21 +742,29 @@ class VectorEnvironments(ExperimentTest):
     def test_two_threads_at_once_are_refused(self):
         envs = smartsurf.VectorEnv(self.script(CROWD), 8, 1, copy=False)
         envs.reset(seed=1)
-        actions, refused, running = sampled(envs.action_space, 0), [], True
+        actions, refused = sampled(envs.action_space, 0), []
 
         def step():
-            while running and not refused:
+            while not refused:
                 try:
                     envs.step(actions)
                 except RuntimeError as error:
                     refused.append(str(error))
-        others = [threading.Thread(target=step) for _ in range(2)]
-        for thread in others:
-            thread.start()
-        for thread in others:
-            thread.join(timeout=60)
-        running = False
-        self.assertEqual(set(refused), {"another thread is using this environment: call it from one thread at a time"})
+
+        def read():
+            while not refused:
+                try:
+                    envs.state_hash(0)
+                except RuntimeError as error:
+                    refused.append(str(error))
+        for works in ((step, step), (step, read)):
+            refused.clear()
+            others = [threading.Thread(target=work) for work in works]
+            for thread in others:
+                thread.start()
+            for thread in others:
+                thread.join(timeout=60)
+            self.assertEqual(set(refused), {"another thread is using this environment: call it from one thread at a time"})
         envs.step(actions)
 
     def test_a_closed_environment_says_so(self):

@@ -221,6 +221,9 @@ TEST_F(SurfaceHostTest, RefusesUnknownChannelsAndWrongShapes) {
   EXPECT_TRUE(c.host.has("height"));
   EXPECT_TRUE(c.host.has("proximity"));
   EXPECT_FALSE(c.host.has("pressure"));
+  EXPECT_TRUE(c.host.has("force"));
+  EXPECT_TRUE(c.host.has("force[2]"));
+  EXPECT_FALSE(c.host.has("force[3]"));
 }
 
 #ifdef COUNTS_ALLOCATIONS

@@ -53,7 +53,8 @@ TEST_F(Y4mReaderTest, ReadsFramesAndLoops) {
 
 TEST_F(Y4mReaderTest, ReportsInvalidFiles) {
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 Cmono\nFRAME\nabcdef"), "none");
-  EXPECT_EQ(error("YUV4MPEG2 W4 H2\nFRAME\n"), "is 4x2, but the register is 3x2");
+  EXPECT_EQ(error("YUV4MPEG2 W4 H2 Cmono\nFRAME\nabcdefgh"), "is 4x2, but the register is 3x2");
+  EXPECT_EQ(error("YUV4MPEG2 W65536 H65536\nFRAME\n"), "ends inside a frame");
   EXPECT_EQ(error("RIFF"), "is not a YUV4MPEG2 file");
   EXPECT_EQ(error("YUV4MPEG2 W3\n"), "does not state its width and height");
   EXPECT_EQ(error("YUV4MPEG2 W3 H99999999999\n"), "does not state its width and height");
