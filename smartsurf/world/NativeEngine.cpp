@@ -98,13 +98,13 @@ bool NativeEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
                                const std::optional<Eigen::Vector3d>& point, double duration_s) {
   const int index = bodies_.find(id);
   if (index < 0) return false;
-  const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(settings_.dt_s)));
   const auto local_point = [&]() -> Vec3 {
     if (!point) return Vec3::Zero();
     return bodies_.orientation[index].conjugate() *
            (unit_.to_world(*point).cast<float>() - bodies_.position[index]);
   };
-  timed_forces_.push_back({id, unit_.to_world(force).cast<float>(), local_point(), steps});
+  timed_forces_.push_back({id, unit_.to_world(force).cast<float>(), local_point(),
+                           StepCountdown(duration_s, static_cast<double>(settings_.dt_s))});
   return true;
 }
 
@@ -119,7 +119,7 @@ scene::ObjectState NativeEngine::state(scene::ObjectId id) const {
 void NativeEngine::wake_joint(scene::JointId id) {
   write_impulses();
   for (const std::int32_t body : joints_.bodies_of(id))
-    if (body >= 0 && !bodies_.is_static(body)) sleep_.wake(bodies_, body);
+    if (body >= 0 && !bodies_.is_static(body)) sleep_.wake_island(bodies_, body);
 }
 
 scene::JointId NativeEngine::add_joint(const scene::JointSpec& spec) {

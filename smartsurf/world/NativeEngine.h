@@ -15,6 +15,7 @@
 #include "smartsurf/world/LengthUnit.h"
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/StateHash.h"
+#include "smartsurf/world/StepCountdown.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/field/JamRelief.h"
@@ -106,6 +107,7 @@ class NativeEngine final : public Engine {
   void store_tips_and_skin();
   void yield_overloaded_cells();
   void relieve_jams();
+  void keep_strained_awake();
   void put_to_sleep();
   void advance_skin();
   void write_cell_impulses();
@@ -134,7 +136,7 @@ class NativeEngine final : public Engine {
   struct TimedForce {
     scene::ObjectId id;
     Vec3 force, local_point;  // local_point: where it acts, from the centre of mass, body axes, u
-    long steps_left;
+    StepCountdown time_left;
   };
   std::vector<TimedForce> timed_forces_;
   std::vector<std::int32_t> active_bodies_;

@@ -149,11 +149,11 @@ void NativeEngine::apply_forces() {
   has_wrenches_ |= !timed_forces_.empty();
   for (TimedForce& f : timed_forces_) {
     const int i = bodies_.find(f.id);
-    bodies_.wrench[i].force += f.force;
-    bodies_.wrench[i].torque += Vec3(bodies_.orientation[i] * f.local_point).cross(f.force);
-    --f.steps_left;
+    const Vec3 force = static_cast<float>(f.time_left.take()) * f.force;
+    bodies_.wrench[i].force += force;
+    bodies_.wrench[i].torque += Vec3(bodies_.orientation[i] * f.local_point).cross(force);
   }
-  std::erase_if(timed_forces_, [](const TimedForce& f) { return f.steps_left == 0; });
+  std::erase_if(timed_forces_, [](const TimedForce& f) { return f.time_left.is_over(); });
 }
 
 void NativeEngine::predict_skin() { elastic_skin_.begin(field_.skin); }
@@ -370,6 +370,8 @@ void NativeEngine::record_cell_impulses(IndexRange manifolds) {
 void NativeEngine::store_tips_and_skin() {
   tips_.store(field_, static_contacts_, settings_.dt_s);
   elastic_skin_.store(static_contacts_);
+  if (!tips_.empty() || field_.skin.is_elastic)
+    record_cell_impulses({0, static_cast<int>(static_contacts_.manifolds.size())});
   if (unit_.is_one()) return;
   for (const std::int32_t cell : tips_.cells()) unit_.return_yielding_tip(field_, cell, scene_field_);
 }
@@ -395,7 +397,16 @@ void NativeEngine::relieve_jams() {
   stall_cells(deep_bodies_);
 }
 
+// Joints pull together what is apart without giving it a velocity.
+void NativeEngine::keep_strained_awake() {
+  constexpr float kMaxRestStrain = 0.02F;  // u
+  deep_bodies_.clear();
+  joints_.find_strained(bodies_, kMaxRestStrain, deep_bodies_);
+  for (const DeepContact& strained : deep_bodies_) bodies_.sleep_timer_s[strained.body] = 0.0F;
+}
+
 void NativeEngine::put_to_sleep() {
+  keep_strained_awake();
   sleep_.update_sleeping_set(bodies_, active_bodies_, pair_contacts_, static_contacts_, collision_.supports(),
                              [this] { find_loads(); });
 }

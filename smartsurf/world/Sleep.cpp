@@ -47,11 +47,25 @@ bool Sleep::is_fast(const BodyStore& b, std::size_t i) { return max_point_speed(
 void Sleep::wake(BodyStore& b, std::size_t i) {
   b.sleep_timer_s[i] = 0.0F;
   if (!b.asleep[i]) return;
-  // With the body those that joints connect with it: a sleeper among them would hold them like the table.
+  // With the body those that joints connect with it or that lie on it: a sleeper among them would hold them
+  // like the table, and would not press on them.
   std::size_t reached = woken_.size();
   wake_alone(b, static_cast<std::int32_t>(i));
-  for (; reached < woken_.size(); ++reached)
-    b.for_each_linked(woken_[reached], [&](std::int32_t other) { wake_alone(b, other); });
+  for (; reached < woken_.size(); ++reached) {
+    const std::int32_t body = woken_[reached];
+    b.for_each_linked(body, [&](std::int32_t other) { wake_alone(b, other); });
+    contacts_.for_each_pair_of(body, [&](const Manifold& m, std::span<const Contact> contacts) {
+      const auto [above, below] = stacked(m, contacts.front());
+      if (below == body) wake_alone(b, above);
+    });
+  }
+}
+
+Sleep::Stacked Sleep::stacked(const Manifold& m, const Contact& first) const {
+  constexpr float kUpward = 0.3F;
+  const float up = first.normal.dot(up_);
+  if (std::abs(up) < kUpward) return {};
+  return up > 0.0F ? Stacked{m.a, m.b} : Stacked{m.b, m.a};
 }
 
 void Sleep::wake_alone(BodyStore& b, std::int32_t i) {
@@ -82,19 +96,18 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
   // Contacts with a static body are found from the other body's side, which must be awake for that.
   if (b.is_static(body))
     for (std::size_t i = 0; i < b.asleep.size(); ++i) wake(b, i);
-  wake(b, body);
+  wake_island(b, body);
   for (const Manifold& m : pair_contacts.manifolds)
-    if (m.a == index || m.b == index) wake(b, m.a == index ? m.b : m.a);
-  contacts_.for_each_neighbour(index, [&](std::int32_t other) { wake(b, other); });
+    if (m.a == index || m.b == index) wake_island(b, m.a == index ? m.b : m.a);
   for (const Manifold& m : static_contacts.manifolds)
     for (const Contact& c : static_contacts.contacts_of(m))
-      if (c.partner == Partner{index}) wake(b, m.a);
-  b.for_each_linked(body, [&](std::int32_t other) { wake(b, other); });
+      if (c.partner == Partner{index}) wake_island(b, m.a);
+  b.for_each_linked(body, [&](std::int32_t other) { wake_island(b, other); });
 }
 
 void Sleep::wake_forced(BodyStore& b) {
   for (std::size_t i = 0; i < b.wrench.size(); ++i)
-    if (!b.wrench[i].is_zero() && !b.is_static(i)) wake(b, i);
+    if (!b.wrench[i].is_zero() && !b.is_static(i)) wake_island(b, i);
 }
 
 void Sleep::wake_on_moving_cells(BodyStore& b) {
@@ -259,6 +272,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     is_supported[link.a] = 1;
     if (link.b >= 0) is_supported[link.b] = 1;
   }
+  keep_pushed_awake(b, active_bodies, pair_contacts);
   keep_awake_with_others(b, pair_contacts);
   fallen_.clear();
   for (const std::int32_t i : active_bodies) {
@@ -278,19 +292,41 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   rest_loads_.balance(b, fallen_, pair_contacts, contacts_);
 }
 
+// What a joint, a force or a conveyor drives may push others more slowly than a body may move that falls
+// asleep, and they others again: a sleeper among them would stop them all.
+void Sleep::keep_pushed_awake(BodyStore& b, const std::vector<std::int32_t>& active_bodies,
+                              const ContactList& pair_contacts) {
+  const auto is_driven = [&](std::int32_t i) {
+    return b.sleep_timer_s[i] == 0.0F &&
+           (b.is_jointed[i] || !b.wrench[i].is_zero() || field_.has_surface_velocity());
+  };
+  if (std::ranges::none_of(active_bodies, is_driven)) return;
+  is_pushed_.assign(b.asleep.size(), 0);
+  for (const std::int32_t i : active_bodies) is_pushed_[i] = static_cast<char>(is_driven(i));
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const Manifold& m : pair_contacts.manifolds) {
+      if (is_pushed_[m.a] == is_pushed_[m.b]) continue;
+      const std::int32_t other = is_pushed_[m.a] ? m.b : m.a;
+      if (b.is_static(other)) continue;
+      if (b.asleep[other]) wake(b, other);
+      is_pushed_[other] = has_active_neighbour_[other] = 1;
+      changed = true;
+    }
+  }
+}
+
 // What lies on a body that cannot sleep yet, at whatever height, stays awake as well: a sleeper bears itself,
 // and would take its weight off those below. So does what joints connect with it.
 void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_contacts) {
-  constexpr float kUpward = 0.3F;
   const auto stays_awake = [&](std::size_t i) {
     return b.is_active(i) && (has_active_neighbour_[i] || b.sleep_timer_s[i] < kTimeToSleep_s);
   };
   for (bool changed = true; changed;) {
     changed = false;
     for (const Manifold& m : pair_contacts.manifolds) {
-      const float up = pair_contacts.contacts[m.first].normal.z();
-      if (std::abs(up) < kUpward) continue;
-      const Index above = up > 0.0F ? m.a : m.b, below = up > 0.0F ? m.b : m.a;
+      const auto [above, below] = stacked(m, pair_contacts.contacts[m.first]);
+      if (above < 0) continue;
       if (has_active_neighbour_[above] || b.is_sphere[above] || !stays_awake(below)) continue;
       has_active_neighbour_[above] = 1;
       changed = true;

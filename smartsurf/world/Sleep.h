@@ -4,8 +4,9 @@
 // velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too), and no body that
 // it touches or has a joint with moves. Two non-spheres that touch fall asleep only together. A sleeping body
 // has zero inverse mass in the solver and is not simulated; its contacts are kept with their impulses. It
-// wakes when a cell under or beside it moves, when a wrench acts on it, or when a neighbour moves or is
-// removed. An imminent hit by a fast body wakes the whole island.
+// wakes when a cell under or beside it moves, when a neighbour moves, or when a body wakes on which it lies.
+// A wrench on one of its island, an imminent hit by a fast body, or the removal of a neighbour wakes the
+// island.
 //
 // Not thread-safe except where a function says so.
 #pragma once
@@ -31,6 +32,7 @@ class Sleep {
       : field_(field),
         dt_s_(settings.dt_s),
         gravity_(settings.gravity),
+        up_(settings.gravity.isZero(0.0F) ? Vec3(0, 0, 0) : Vec3(-settings.gravity.normalized())),
         is_enabled_(is_enabled),
         rest_loads_(settings) {}
 
@@ -45,15 +47,15 @@ class Sleep {
   const RestLoads& rest_loads() const { return rest_loads_; }
 
   // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
-  // With all bodies that joints connect with it, which sleep only together.
+  // With all bodies that joints connect with it, which sleep only together, and what lies on any of these.
   void wake(BodyStore&, std::size_t body);
   // Also wakes every sleeping body connected to it by contacts.
   void wake_island(BodyStore&, std::size_t body);
-  // Also wakes the bodies that have a contact or joint with it, and all bodies if it is static. Must be
-  // called before a body is placed or removed, and after it is added.
+  // Also wakes the islands of the bodies that have a contact or joint with it, and all bodies if it is
+  // static. Must be called before a body is placed or removed, and after it is added.
   void wake_with_neighbours(BodyStore&, std::size_t body, const ContactList& pair_contacts,
                             const ContactList& static_contacts);
-  // Wakes bodies with a nonzero wrench.
+  // Wakes the islands of bodies with a nonzero wrench.
   void wake_forced(BodyStore&);
   void wake_on_moving_cells(BodyStore&);
   // Moves the contacts and support patches of woken bodies back to the lists, so that they warm-start the
@@ -87,8 +89,15 @@ class Sleep {
   struct CellRect {
     std::int32_t row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
   };
+  // The bodies of a manifold of which one lies on the other; −1 if none does.
+  struct Stacked {
+    std::int32_t above = -1, below = -1;
+  };
+  Stacked stacked(const Manifold&, const Contact& first) const;
   bool touches_moving_cell(const Contact&) const;
   void wake_alone(BodyStore&, std::int32_t body);
+  void keep_pushed_awake(BodyStore&, const std::vector<std::int32_t>& active_bodies,
+                         const ContactList& pair_contacts);
   void keep_awake_with_others(const BodyStore&, const ContactList& pair_contacts);
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
@@ -101,7 +110,7 @@ class Sleep {
 
   const surface::Field& field_;
   float dt_s_;
-  Vec3 gravity_;
+  Vec3 gravity_, up_;  // up_: unit, against gravity; 0 without gravity
   bool is_enabled_;
   int sleeping_count_ = 0;
   unsigned set_version_ = 0, contacts_version_ = 0;
@@ -110,6 +119,7 @@ class Sleep {
   RestLoads rest_loads_;
   std::vector<std::int32_t> fallen_;          // asleep, in this step
   std::vector<char> has_active_neighbour_;    // touches a moving body
+  std::vector<char> is_pushed_;               // by what is driven, also by way of others
   std::vector<char> is_supported_;            // touches anything, or there is no gravity
   std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper; indexed by body
   std::vector<IndexRange> moving_columns_;    // by row of the field: outside of them no cell moves

@@ -33,6 +33,13 @@ class SleepingContacts {
       if (m.b >= 0) visit(m.a == body ? m.b : m.a);
     });
   }
+  // Calls visit(manifold, contacts) for a body's manifolds with other bodies.
+  template <class Visit>
+  void for_each_pair_of(std::int32_t body, Visit visit) const {
+    for_each_manifold_of(body, [&](const Manifold& m) {
+      if (m.b >= 0) visit(m, list_.contacts_of(m));
+    });
+  }
   // Calls visit(manifold, contacts) in the order in which the manifolds were added: those of pairs, and
   // static ones.
   template <class Visit>

@@ -130,6 +130,8 @@ int push_cell_reading(ScriptContext& context, lua_State* L, const std::string& m
   }
   const int components =
       std::ranges::find(context.channels, channel, &scene::SensorChannel::name)->components;
+  if (lua_checkstack(L, components) == 0)
+    throw ScriptError(method + ": there is no room for " + std::to_string(components) + " values");
   for (int k = 0; k < components; ++k) lua_pushnumber(L, static_cast<double>(read(channel, row, column, k)));
   return components;
 }

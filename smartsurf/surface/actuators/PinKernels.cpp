@@ -44,13 +44,15 @@ template <class D, class V = hn::Vec<D>>
 HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V speed, V max_speed) {
   const V one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F), step = hn::Set(d, c.speed_step);
   const V arrival_speed = hn::Mul(hn::Abs(distance), hn::Set(d, c.inverse_dt));
-  const V unclamped_units = hn::Mul(arrival_speed, hn::Set(d, c.inverse_speed_step)),
+  const V room = hn::Sub(arrival_speed, hn::IfThenElseZero(hn::Gt(arrival_speed, hn::Set(d, c.lag_distance)),
+                                                           hn::Set(d, c.lag_excess)));
+  const V unclamped_units = hn::Mul(room, hn::Set(d, c.inverse_speed_step)),
           max_units = hn::Set(d, c.max_units);
   const V units = hn::IfThenElse(hn::Lt(unclamped_units, max_units), unclamped_units, max_units);
   const V root = hn::Sqrt(hn::Add(one, hn::Mul(hn::Set(d, 8.0F), units)));
   const V k = hn::Trunc(hn::Mul(half, hn::Sub(root, one))), next = hn::Add(k, one);
   const V braking_loss = hn::Mul(hn::Mul(hn::Set(d, 0.5F * c.speed_step), k), next);
-  const V stopping_speed = hn::Add(hn::Mul(k, step), hn::Div(hn::Sub(arrival_speed, braking_loss), next));
+  const V stopping_speed = hn::Add(hn::Mul(k, step), hn::Div(hn::Sub(room, braking_loss), next));
   const V lagging_speed = hn::Mul(arrival_speed, hn::Set(d, c.most_part));
   const V most_speed = hn::IfThenElse(hn::Lt(lagging_speed, max_speed), lagging_speed, max_speed);
   const V desired =

@@ -518,7 +518,7 @@ bool BulletEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
       point ? Eigen::Vector3d(now.orientation.conjugate() * (*point - now.position) -
                               impl_->bodies[index].shape.centre_of_mass)
             : Eigen::Vector3d::Zero();
-  timed_forces_.push_back({id, force, local_point, std::max(1L, std::lround(duration_s / dt_s_))});
+  timed_forces_.push_back({id, force, local_point, StepCountdown(duration_s, dt_s_)});
   return true;
 }
 
@@ -575,12 +575,12 @@ surface::BodyView BulletEngine::bodies() const {
 void BulletEngine::apply_timed_forces() {
   for (TimedForce& f : timed_forces_) {
     const Index i = find(f.id);
-    wrenches_[i].force += f.force.cast<float>();
+    const Eigen::Vector3d force = f.time_left.take() * f.force;
+    wrenches_[i].force += force.cast<float>();
     wrenches_[i].torque +=
-        Eigen::Vector3d(orientations_[i].cast<double>() * f.local_point).cross(f.force).cast<float>();
-    --f.steps_left;
+        Eigen::Vector3d(orientations_[i].cast<double>() * f.local_point).cross(force).cast<float>();
   }
-  std::erase_if(timed_forces_, [](const TimedForce& f) { return f.steps_left == 0; });
+  std::erase_if(timed_forces_, [](const TimedForce& f) { return f.time_left.is_over(); });
 }
 
 void BulletEngine::step() {

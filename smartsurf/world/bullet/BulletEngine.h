@@ -13,6 +13,7 @@
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/world/Engine.h"
 #include "smartsurf/world/StateHash.h"
+#include "smartsurf/world/StepCountdown.h"
 
 namespace smartsurf::world {
 
@@ -67,7 +68,7 @@ class BulletEngine final : public Engine {
   struct TimedForce {
     scene::ObjectId id;
     Eigen::Vector3d force, local_point;  // local_point: from the centre of mass, body axes, u
-    long steps_left;
+    StepCountdown time_left;
   };
   std::vector<TimedForce> timed_forces_;
   // One entry per live object, ascending by id.

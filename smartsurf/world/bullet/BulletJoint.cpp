@@ -72,7 +72,7 @@ void BulletJoint::add_constraint(btTypedConstraint& constraint, btJointFeedback&
 void BulletJoint::set_motor(const scene::JointMotor& motor) {
   const int i = coordinate_index();
   axis_->enableMotor(i, true);
-  axis_->setTargetVelocity(i, kind_ == scene::JointKind::kSlider ? motor.speed : -motor.speed);
+  axis_->setTargetVelocity(i, -motor.speed);
   axis_->setMaxMotorForce(i, motor.max_effort);
 }
 
@@ -81,7 +81,19 @@ void BulletJoint::set_spring(const scene::JointSpring& spring) {
   axis_->enableSpring(i, true);
   axis_->setStiffness(i, spring.stiffness, false);
   axis_->setDamping(i, spring.damping, false);
-  axis_->setEquilibriumPoint(i, kind_ == scene::JointKind::kSlider ? spring.rest : -spring.rest);
+  spring_rest_ = spring.rest;
+  update_equilibrium();
+}
+
+// Bullet's angle of a hinge is the coordinate's within half a turn, of the other sign.
+void BulletJoint::update_equilibrium() {
+  if (!spring_rest_) return;
+  if (kind_ == scene::JointKind::kSlider)
+    return axis_->setEquilibriumPoint(coordinate_index(), *spring_rest_);
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  axis_->calculateTransforms();
+  const double turns = std::round((axis_->getAngle(kAxis) + coordinate_) / kTurn);
+  axis_->setEquilibriumPoint(coordinate_index(), kTurn * turns - *spring_rest_);
 }
 
 void BulletJoint::begin_step() {
@@ -108,6 +120,7 @@ void BulletJoint::end_substep(double substep_s) {
     const btQuaternion q = b.getRotation().inverse() * a.getRotation();
     const double turned = 2.0 * std::atan2(q.x(), q.w()) - coordinate_;
     coordinate_ += std::remainder(turned, 2.0 * std::numbers::pi);
+    update_equilibrium();
   }
   force_impulse_ += substep_s * force;
 }

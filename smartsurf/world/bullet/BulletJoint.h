@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <memory>
+#include <optional>
 
 #include "smartsurf/scene/JointSpec.h"
 
@@ -36,6 +37,7 @@ class BulletJoint {
   btTransform frame_of_b() const {
     return (b_ ? b_->getWorldTransform() : btTransform::getIdentity()) * frame_in_b_;
   }
+  void update_equilibrium();
   void add_constraint(btTypedConstraint&, btJointFeedback&, bool collide);
   std::unique_ptr<btGeneric6DofSpring2Constraint> make_constraint() const;
 
@@ -49,6 +51,7 @@ class BulletJoint {
   btGeneric6DofSpring2Constraint* axis_ = nullptr;  // constraint_, if there is a coordinate
   btJointFeedback feedback_, friction_feedback_;
   double coordinate_ = 0.0, effort_impulse_ = 0.0;
+  std::optional<double> spring_rest_;
   btVector3 force_impulse_{0, 0, 0};
 };
 
