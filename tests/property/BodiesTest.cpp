@@ -8,6 +8,23 @@
 using namespace physics_fixture;
 using smartsurf::scene::ObjectId;
 
+// Also of parts of a step.
+TEST(Force, ActsForItsDuration) {
+  for (const double dt : {1.0 / 60, 1.0 / 240})
+    for (const double seconds : {0.001, 0.01, 0.1, 0.1234, 0.5}) {
+      PhysicsFixture fixture;
+      fixture.scene.world.gravity = {0, 0, 0};
+      fixture.scene.world.dt_s = dt;
+      const ObjectId id = fixture.add(box({1, 1, 1}, {15, 15, 20}));
+      fixture.world().apply_force(id, {100, 0, 0}, Eigen::Vector3d(15, 15.1, 20), seconds);
+      fixture.run(1.0);
+      EXPECT_NEAR(fixture.velocity(id).x(), 100 * seconds, 1e-4 * 100 * seconds);
+      if (seconds < 0.05) {
+        EXPECT_NEAR(fixture.angular_velocity(id).z(), -10 * seconds * 6, 0.01 * 60 * seconds);
+      }
+    }
+}
+
 TEST(Collision, ConservesMomentumAndEnergy) {
   PhysicsFixture fixture;
   fixture.scene.world.gravity = {0, 0, 0};

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "smartsurf/scene/Delta.h"
@@ -83,6 +84,22 @@ TEST_P(Delta, TipsLiftAndCarryBox) {
     move_tips(bench, kX, 0.4);
     bench.run(2.0);
     EXPECT_NEAR(bench.position(id).x(), 1.9, 5e-3) << "friction carries it along";
+  }
+}
+
+TEST_P(YieldingDelta, CellsBearTheWeight) {
+  for (const scene::ParameterValues& values :
+       {scene::ParameterValues{{"stiffness", {300}}}, scene::ParameterValues{{"max_force", {50}}},
+        scene::ParameterValues{{"stiffness", {300}}, {"max_force", {50}}}}) {
+    PhysicsFixture bench;
+    bench.scene.world.dt_s = GetParam();
+    set_deltas(bench, 4, 4, 1.0, values);
+    auto load = box({3.4, 3.4, 1}, {1.5, 1.5, 1.01});
+    load.mass = 5;
+    bench.add(load);
+    bench.run(3.0);
+    const std::vector<float>& impulse = bench.cells().field().impulse;
+    EXPECT_NEAR(std::accumulate(impulse.begin(), impulse.end(), 0.0) / GetParam(), 5 * kGravity, 0.05);
   }
 }
 

@@ -304,6 +304,46 @@ TEST_P(Joints, MotorTurnsWithItsTorqueUpToItsSpeed) {
   EXPECT_NEAR(fixture.speed(hinge), -2.0, 1e-3);
 }
 
+TEST_P(Joints, MotorDrivesASliderAlongItsAxis) {
+  for (const double target : {-0.5, 2.0})
+    for (const bool has_partner : {false, true}) {
+      JointFixture fixture(GetParam());
+      fixture.scene.world.gravity = Vector3d::Zero();
+      const ObjectId a = fixture.add(box({1, 1, 1}, {15, 15, 50}));
+      auto other = box({1, 1, 1}, {15, 15, 48});
+      other.fixed = true;
+      const std::optional<ObjectId> b = has_partner ? std::optional(fixture.add(other)) : std::nullopt;
+      const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                           .a = a,
+                                           .b = b,
+                                           .anchor = {15, 15, 50},
+                                           .axis = {0, 0.6, 0.8},
+                                           .motor = {{.speed = target, .max_effort = 1e3}}});
+      fixture.run(1.0);
+      EXPECT_NEAR(fixture.speed(slider), target, 1e-3 * std::abs(target));
+      EXPECT_NEAR(fixture.coordinate(slider), target, 0.04 * std::abs(target));
+      EXPECT_NEAR(fixture.world().state(a).position.y(), 15 + 0.6 * target, 0.04 * std::abs(target));
+    }
+}
+
+// At any number of turns.
+TEST_P(Joints, HingeSpringTurnsToItsRest) {
+  for (const double rest : {-7.0, -M_PI, 1.0, 4.0, 20.0}) {
+    JointFixture fixture(GetParam());
+    fixture.scene.world.gravity = Vector3d::Zero();
+    auto wheel = box({1, 1, 1}, {15, 15, 50});
+    wheel.mass = 6;  // moment 1
+    const JointId hinge = fixture.join({.kind = JointKind::kHinge,
+                                        .a = fixture.add(wheel),
+                                        .anchor = {15, 15, 50},
+                                        .axis = {0, 0, 1},
+                                        .spring = {{.stiffness = 100, .damping = 20, .rest = rest}}});
+    fixture.run(3.0);
+    EXPECT_NEAR(fixture.coordinate(hinge), rest, 1e-3);
+    EXPECT_NEAR(fixture.speed(hinge), 0.0, 1e-3);
+  }
+}
+
 // A motor of speed 0 holds the pendulum up to its torque.
 TEST_P(Joints, MotorHoldsAgainstGravity) {
   PendulumFixture strong(GetParam(), 1.0), weak(GetParam(), 1.0);
@@ -703,6 +743,74 @@ TEST(JointSleep, RestsAndWakes) {
   fixture.world().apply_force(lower, {0.5, 0, 0}, std::nullopt, 0.1);
   fixture.run(0.3);
   EXPECT_EQ(fixture.world().sleeping_count(), 0);
+}
+
+// A platform on a slider, and what sleeps on it.
+TEST(JointSleep, MotorLiftsWhatSleepsOnIt) {
+  if (on_bullet()) GTEST_SKIP() << "nothing sleeps on Bullet";
+  for (const double dt : {1.0 / 60, 1.0 / 240})
+    for (const double speed : {0.02, 0.05, 0.08, 0.5, -0.05, -0.5}) {
+      SCOPED_TRACE(speed);
+      JointFixture fixture(dt);
+      auto platform = box({2, 2, 0.4}, {15, 15, 50});
+      platform.mass = 1;
+      const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                           .a = fixture.add(platform),
+                                           .anchor = {15, 15, 50},
+                                           .axis = {0, 0, 1},
+                                           .motor = {{.speed = 0.0, .max_effort = 500}}});
+      ObjectId top = 0;
+      for (int i = 0; i < 3; ++i) top = fixture.add(box({1, 1, 1}, {15, 15, 50.7 + i}));
+      fixture.run(3.0);
+      ASSERT_EQ(fixture.world().sleeping_count(), 4);
+      fixture.world().set_motor(slider, {.speed = speed, .max_effort = 500});
+      fixture.run(2.0);
+      EXPECT_NEAR(fixture.world().state(top).position.z(), 52.7 + 2 * speed, 0.005 + 0.02 * std::abs(speed));
+      EXPECT_NEAR(fixture.effort(slider), 4 * kGravity, 0.01 * 4 * kGravity);
+      fixture.world().set_motor(slider, {.speed = 0.0, .max_effort = 2 * kGravity});  // it sinks
+      fixture.run(0.5);
+      EXPECT_LT(fixture.coordinate(slider), 2 * speed - 0.25);
+    }
+}
+
+// More slowly than a body may move that falls asleep.
+TEST(JointSleep, MotorPushesARowThatSleeps) {
+  if (on_bullet()) GTEST_SKIP() << "nothing sleeps on Bullet";
+  for (const double speed : {0.01, 0.03, 0.1}) {
+    SCOPED_TRACE(speed);
+    JointFixture fixture(1.0 / 120);
+    const ObjectId pusher = fixture.add(box({1, 1, 1}, {10, 15, 0.51}));
+    const JointId slider = fixture.join({.kind = JointKind::kSlider,
+                                         .a = pusher,
+                                         .anchor = {10, 15, 0.51},
+                                         .axis = {1, 0, 0},
+                                         .motor = {{.speed = 0.0, .max_effort = 500}}});
+    ObjectId last = 0;
+    for (int i = 1; i <= 4; ++i) last = fixture.add(box({1, 1, 1}, {10 + 1.001 * i, 15, 0.5}));
+    fixture.run(3.0);
+    ASSERT_EQ(fixture.world().sleeping_count(), 5);
+    fixture.world().set_motor(slider, {.speed = speed, .max_effort = 500});
+    fixture.run(4.0);
+    EXPECT_NEAR(fixture.world().state(last).position.x(), 14 + 4 * speed, 0.005);
+  }
+}
+
+// A joint pulls together what is apart without giving it a velocity.
+TEST(JointSleep, StrainedJointStaysAwake) {
+  if (on_bullet()) GTEST_SKIP() << "nothing sleeps on Bullet";
+  for (const JointKind kind : {JointKind::kBall, JointKind::kHinge, JointKind::kSlider, JointKind::kFixed}) {
+    JointFixture fixture(1.0 / 60);
+    auto post = box({1, 1, 1}, {15, 15, 50});
+    post.fixed = true;
+    const ObjectId support = fixture.add(post), bob = fixture.add(box({1, 1, 1}, {15, 15, 48}));
+    fixture.join(kind, bob, support, {15, 15, 49});
+    fixture.run(1.0);
+    smartsurf::scene::ObjectStateUpdate up;
+    up.position = Vector3d(15, 15, 60);
+    fixture.world().place(support, up);
+    fixture.run(8.0);
+    EXPECT_NEAR(fixture.world().state(bob).position.z(), 58.0, 0.03);
+  }
 }
 
 // Four links lie on the table; a pin that rises slowly lifts the last one.

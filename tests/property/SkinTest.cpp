@@ -317,6 +317,11 @@ TEST_P(ElasticSkin, BallRestsInItsDip) {
   fixture.run(2.0);
   EXPECT_LT(fixture.velocity(id).norm(), 0.02);
   EXPECT_NEAR(load_on(fixture), 3.0 * kGravity, 0.01 * 3.0 * kGravity);
+  // The normal impulses of the contacts, which are oblique in the dip.
+  const std::vector<float>& on_cells = fixture.cells().field().impulse;
+  const double normal_load = std::accumulate(on_cells.begin(), on_cells.end(), 0.0) / GetParam();
+  EXPECT_GT(normal_load, 0.99 * 3.0 * kGravity);
+  EXPECT_LT(normal_load, 1.1 * 3.0 * kGravity);
   EXPECT_LT(fixture.position(id).z(), 0.55);
   EXPECT_NEAR(
       fixture.position(id).z() - height_at(fixture, fixture.position(id).x(), fixture.position(id).y()), 0.6,

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 #include "tests/property/PhysicsFixture.h"
 
@@ -205,6 +206,52 @@ TEST_P(SlowStart, BoxSlidesFromTheAngleOfFriction) {
     } else {
       EXPECT_NEAR(fixture.position(id).x() - 6, expected, 0.1 * expected);
     }
+  }
+}
+
+// A beam in balance on a post: what is left on it tips it.
+TEST(Sleep, WhatLiesOnAWokenBodyPressesOnIt) {
+  std::mt19937 random(1);
+  const auto draw = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int trial = 0; trial < 12; ++trial) {
+    SCOPED_TRACE(trial);
+    PhysicsFixture fixture;
+    const double x = draw(14, 16), y = draw(14, 16), arm = draw(2.5, 3.5);
+    auto post = box({0.8, 2, 1}, {x, y, 2.5});
+    post.fixed = true;
+    fixture.add(post);
+    auto beam = box({8, 1, 0.2}, {x, y, 3.1});
+    beam.mass = 1;
+    fixture.add(beam);
+    ObjectId weights[2];
+    for (const int side : {0, 1}) {
+      const Eigen::Vector3d at(x + (side == 0 ? -arm : arm), y, 3.7);
+      auto weight = trial % 3 == 0 ? cylinder(0.5, 1, at) : box({1, 1, 1}, at);
+      weight.mass = 2;
+      weights[side] = fixture.add(weight);
+    }
+    fixture.run(3.0);
+    ASSERT_EQ(fixture.world().sleeping_count(), 3);
+    switch (trial % 4) {
+      case 0:
+        fixture.world().remove(weights[0]);
+        break;
+      case 1: {
+        smartsurf::scene::ObjectStateUpdate aside;
+        aside.position = Eigen::Vector3d(3, 3, 0.5);
+        fixture.world().place(weights[0], aside);
+        break;
+      }
+      case 2:
+        fixture.world().apply_force(weights[0], {0, 0, 30}, std::nullopt, 3.0);
+        break;
+      default:
+        fixture.world().apply_force(weights[0], {0, 80, 0}, std::nullopt, 1.0);
+    }
+    fixture.run(4.0);
+    EXPECT_LT(fixture.world().state(weights[1]).position.z(), 2.5);
   }
 }
 

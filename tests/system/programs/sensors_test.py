@@ -51,6 +51,15 @@ class Sensors(ProgramTest):
         self.assertNotEqual(true, read)
         self.assertLess(abs(true - read), 0.6)
 
+    def test_script_reads_channels_of_many_components(self):
+        for sensor, channel, count in (("camera { resolution = 4 }", "camera", 48), ("skin_height { resolution = 8 }", "skin_height", 64)):
+            lua = self.write("many.lua", f"surface {{ rows = 6, columns = 6, skin = {{}}, sensors = {{ {sensor} }} }}\n"
+                             "on_tick(function() local n, sum = 0, 0 for r = 1, 6 do for c = 1, 6 do\n"
+                             f"for _, read in ipairs {{ 'sense', 'truth' }} do local all = {{ cells[read](cells, '{channel}', r, c) }}\n"
+                             "n = n + #all end end end print(n) end)")
+            status, out, err = self.run_program(SMARTSURF, "run", lua, "--no-controller", "--ticks", "2")
+            self.assertEqual((status, out.split()), (0, [str(72 * count)] * len(out.split())), err)
+
     def test_invalid_tables_report_file_and_line(self):
         table = "surface { rows = 8, columns = 8, sensors = { proximity { calibration = 'c.csv' } } }\n"
         self.write("c.csv", "row,column,channel,gain,offset\n1,1,proximity,1,0\n1,8,proximity,1,0\n")

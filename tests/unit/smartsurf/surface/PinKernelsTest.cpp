@@ -87,6 +87,35 @@ TEST(PinKernels, PlanSpeedsMatchesScalarLaw) {
   });
 }
 
+// A lag bounds the speed at any distance, within a part of the change of speed in a step.
+TEST(MotionProfile, LagBoundsTheSpeedAtAnyDistance) {
+  std::mt19937 random(1);
+  const auto draw = [&](float low, float high) {
+    return low * std::pow(high / low, std::uniform_real_distribution<float>(0, 1)(random));
+  };
+  for (int trial = 0; trial < 300; ++trial) {
+    const float acceleration = draw(1, 1000), most = draw(0.1F, 100), lag = draw(1e-3F, 1),
+                target = draw(0.01F, 10), dt = trial % 2 == 0 ? 1.0F / 60 : 1.0F / 240;
+    SCOPED_TRACE(testing::Message() << "acceleration " << acceleration << " lag " << lag << " target "
+                                    << target);
+    const MotionProfile profile(most, acceleration, dt, lag);
+    const float part = -std::expm1(-dt / lag);
+    float position = 0, speed = 0;
+    int steps = 0;
+    for (; target - position > 1e-4F && steps < 1'000'000; ++steps) {
+      const float distance = target - position, next = profile(distance, speed);
+      ASSERT_LE(next, std::min(most, distance * part / dt) + 0.25F * acceleration * dt + 1e-5F) << distance;
+      ASSERT_LE(std::abs(next - speed), acceleration * dt * 1.0001F + 1e-6F);
+      speed = next;
+      position = MotionProfile::advance(position, speed, target, dt);
+    }
+    ASSERT_LT(std::abs(target - position), 1.1e-4F);
+    // Accelerating, braking and the lag's tail of 12 time constants.
+    const float least = std::max(target / most, 2 * std::sqrt(target / acceleration));
+    EXPECT_LT(static_cast<float>(steps) * dt, least + most / acceleration + 20 * lag + 5 * dt);
+  }
+}
+
 TEST(PinKernels, AdvancePinsMatchesScalarLaw) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
