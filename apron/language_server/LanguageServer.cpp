@@ -44,7 +44,6 @@ struct RequestError {
 }
 
 // ---- URIs and positions
-// -------------------------------------------------------------------------------------
 
 std::string path_of(const std::string& uri) {
   constexpr std::string_view kScheme = "file://";
@@ -126,7 +125,6 @@ std::uint32_t word_length(std::string_view line, std::uint32_t column) {
 }
 
 // ---- documents
-// ----------------------------------------------------------------------------------------------
 
 // The open documents, and all other files from the disk.
 class DocumentReader final : public syntax::FileReader {
@@ -178,7 +176,6 @@ SymbolKind kind_of(const Symbol& symbol) {
 }
 
 // ---- the server
-// ---------------------------------------------------------------------------------------------
 
 class LanguageServer {
  public:

@@ -208,10 +208,10 @@ class LiveRecording {
  private:
   void begin_frame() {
     const shm_protocol::FrameInfo& info = observer_.info(Direction::kSensor);
+    // Numbers of frames only grow: a surface that restarts is another session, which ends this observer.
     lost_ = last_frame_ == 0 ? 0 : info.frame - last_frame_ - 1;
     last_frame_ = info.frame;
     lost_frames_ += lost_;
-    // A surface that restarted under the same name is another session, and this observer's segment closed.
     sensors_.copy(observer_);
     snapshot_.tick = info.tick;
     snapshot_.time_s = info.time_s;

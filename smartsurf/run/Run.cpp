@@ -201,7 +201,7 @@ bool Run::tick() {
   return !ending_;
 }
 
-// Once for each kind of mistake, where the script has left the object.
+// Warns, once for each kind of mistake, of the objects that the script has added.
 void Run::warn_of_added_objects(std::size_t first) {
   if (options_.world_index.value_or(0) != 0) return;
   for (std::size_t i = first; i < simulation_.catalogue().size(); ++i) {

@@ -235,8 +235,8 @@ void Calibrator::begin_boards(const TableTick& tick) {
   }
 }
 
-// Also by the frames that were too late to be taken. What happened before cells that were disturbed go up is
-// left out, as if time had stood still.
+// Records which command was in force in each tick of the boards, also from frames that came too late to be
+// taken. With `leave_out`, the ticks since the last record are left out as if time had stood still.
 void Calibrator::note_in_force(const TableTick& tick, bool leave_out) {
   for (std::size_t i = 0; i < records_.size(); ++i) {
     BoardRecord& r = records_[i];

@@ -59,7 +59,7 @@ class Rollers final : public Actuator {
     }
   }
 
-  // Of cell i, of that run; from −π to π, rad.
+  // Phase of cell i in a run, from −π to π, rad.
   float angle(int k, int i, std::size_t run) const noexcept {
     constexpr double kTwoPi = 2.0 * std::numbers::pi;
     const double angle = angle_[k][i] + steady_s_[run] * spin_[k][i];

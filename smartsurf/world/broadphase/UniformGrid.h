@@ -43,7 +43,7 @@ class UniformGrid {
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
   // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
   int cell_count(int axis) const { return cell_count_[axis]; }
-  // Of more than kFew bodies: an occupied row of cells along x. Its bodies reach up to `begin` of the next
+  // An occupied row of cells along x, of more than kFew bodies. Its bodies reach up to `begin` of the next
   // row, in sorted order.
   struct Row {
     std::int32_t y, z, begin;

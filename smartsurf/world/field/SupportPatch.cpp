@@ -335,8 +335,8 @@ struct BearingContacts {
     if (separation > margin) return false;
     if (on_elastic_tops) return field.is_elastic(cell);
     if (separation <= min_separation + kSeparationTolerance) return true;
-    // Of cells with force limits, those that move yield to each other until all bear that are as high as the
-    // lowest that does.
+    // Cells with force limits that move yield until every cell bears that is as high as the lowest bearing
+    // one.
     return field.has_force_limit() && field.speed[cell] != 0.0F && top >= min_top - kLevelTolerance;
   }
 };

@@ -37,7 +37,7 @@ struct ClosestPoints {
 // The final simplex of a query, in body axes, as a starting point for the next one. Affects speed only.
 struct SimplexCache {
   int count = 0;  // vertices of the simplex; 0: empty
-  // Those that are not used are saved, too.
+  // Entries from `count` on are zero, because saved states include them.
   Vec3 on_a[3]{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()}, on_b[3]{Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
 };
 // If the cores are farther apart than `limit`, only the distance is set, to some value beyond it.

@@ -45,7 +45,7 @@ inline Int4 as_int_bits(const Float4& v) {
   std::memcpy(&n, &v, sizeof(n));
   return n;
 }
-// Of comparisons.
+// True if any lane of a comparison's result is set.
 inline bool any_of(const Int4& v) {
   std::int64_t halves[2];
   std::memcpy(halves, &v, sizeof(v));

@@ -41,8 +41,8 @@ float restitution_of(const ImpactSolver::Step& step, const Manifold& m, const Co
   return std::max(step.bodies.surface_material[m.a].restitution, material_of_b(step, m, c).restitution);
 }
 
-// Up to which separation a contact takes part in a blow that gives it this normal speed, where another
-// contact of the manifold touches: what closes within the substep does, or bodies would turn about those that
+// The greatest separation at which a contact takes part in a blow of this normal speed, where another contact
+// of the manifold touches: that which closes within the substep. Otherwise bodies would turn about those that
 // touch.
 float touching_separation(const ImpactSolver::Step& step, float speed) {
   return std::max(kTouchingSeparation, -speed * step.dt_s / static_cast<float>(step.substeps));

@@ -20,8 +20,9 @@ using Eigen::Vector3d;
 // turns in it by more than kBend, rad, or when a body turns by more than kUnsolvedTurn and a speed is off by
 // more than kUnsolved, u/s: the whip of a chain's end.
 constexpr double kBend = 0.003, kUnsolvedTurn = 0.05, kUnsolved = 1e-6, kLeastPart = 1.0 / 64;
-// Rounds of a stage, and how many of them may change the places of all axes. A stage ends when no speed is
-// off by more than this, u/s, or when a round hardly helps: a loop can contradict itself.
+// Rounds of Newton's method in a stage; the first kFreeRounds may change the places of all axes, later ones
+// of one. A stage ends when no speed is off by more than kConverged, u/s, or when a round reduces the
+// residual by less than a tenth: a loop can contradict itself.
 constexpr int kMaxRounds = 12, kFreeRounds = 8;
 constexpr double kConverged = 1e-8, kStagnation = 0.9;
 // Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on
@@ -331,7 +332,8 @@ void JointSolver::begin_trees(const BodyStore& bodies, const SpatialPartition& p
   }
 }
 
-// The mean of the spring's efforts at both ends of the part, of which the later one depends on the new speed.
+// The trapezoidal rule: the mean of the spring's efforts at both ends of the part, of which the later one
+// depends on the new speed.
 // The displacement is that of the start; see "Joints" in docs/engines.md.
 void JointSolver::set_law_of_part(Joint& j, Block& block, double h_s) {
   block.spring_impulse = 0.0;
