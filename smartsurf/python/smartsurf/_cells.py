@@ -458,6 +458,7 @@ class _Search:
     def finish(self) -> None:
         f, p = self.fit, self.p
         self.choose_delays(self.base, self.slopes[-2:])
+        self.drop_flat()
         errors, own = self.errors()
         if self.free:
             errors = np.maximum(errors, self.clustered_errors())
