@@ -199,6 +199,46 @@ TEST_F(MediaTest, ReadsPgmOfOtherScalesAndKinds) {
   EXPECT_EQ(p.row(0)[1], 0.0F);
 }
 
+std::string from_hex(std::string_view digits) {
+  std::string bytes;
+  for (std::size_t i = 0; i < digits.size(); i += 2)
+    bytes += static_cast<char>(std::stoi(std::string(digits.substr(i, 2)), nullptr, 16));
+  return bytes;
+}
+
+TEST_F(MediaTest, GreyLevelsDoNotDependOnTheFormat) {
+  const Plane p = plane(3, 1);
+  const auto levels = [&](const std::string& name, std::string_view digits) {
+    write_bytes(name, from_hex(digits));
+    read_image(path(name), p);
+    return std::vector<float>(p.row(0), p.row(0) + 3);
+  };
+  // Red, green and blue.
+  const std::vector<float> colours = levels("a.bmp",
+                                            "424d420000000000000036000000280000000300000001000000010018000000"
+                                            "00000c0000000000000000000000000000000000000"
+                                            "00000ff00ff00ff0000000000");
+  EXPECT_EQ(colours, (std::vector<float>{76, 149, 28}));
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d4948445200000003000000010802000000948283e30000000e49444154789c63f"
+                   "8cfc0c000c6000efb02fe091c16340000000049454e44ae426082"),
+            colours);
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d4948445200000003000000011002000000c4125fa00000000f49444154789c63f"
+                   "8ff9f010c10340038da05fbb95468940000000049454e44ae426082"),
+            colours);
+  // 0, 32896 and 65535 of 65535.
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d49484452000000030000000110000000006e1b972b0000000f49444154789c636"
+                   "0606868f8ff1f00068402ff4660deb60000000049454e44ae426082"),
+            (std::vector<float>{0, 128, 255}));
+  // 200 of any opacity.
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d4948445200000003000000010804000000b1e9dc3f0000000f49444154789c633"
+                   "8c170a2e1c47f000be603d89138484d0000000049454e44ae426082"),
+            (std::vector<float>{200, 200, 200}));
+}
+
 TEST_F(MediaTest, RefusesDamagedPictures) {
   const Plane p = plane(2, 1);
   for (const char* name : {"a.png", "a.pgm", "a.jpg", "a.bmp"}) {
