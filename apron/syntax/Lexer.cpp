@@ -126,10 +126,7 @@ class Lexer {
     if (is_digit(c) || (c == '.' && is_digit(peek(1)))) return lex_number();
     if (is_letter(c) || at_foreign_letter()) return add_token(TokenKind::kName, location, lex_name());
     if (c == '\'') return lex_string();
-    if (c == '#' && peek(1) == '#') {
-      advance(2);
-      return add_token(TokenKind::kPunctuator, location, "##");
-    }
+    if (c == '#' && peek(1) == '#') return lex_punctuator();
     if (c == '$' || c == '#' || c == ':') return lex_sigil(c);
     if (c == '!' && tokens_.empty() && is_letter(peek(1))) {
       advance(1);
@@ -264,21 +261,11 @@ class Lexer {
   }
 
   void lex_punctuator() {
-    static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||", "<<", ">>"};
-    static constexpr std::string_view kSingles = "+-*/%<>=()[],!?&|^~";
     const Location location = current_location();
-    for (const std::string_view pair : kPairs) {
-      if (text_.substr(position_, 2) == pair) {
-        advance(2);
-        return add_token(TokenKind::kPunctuator, location, std::string(pair));
-      }
-    }
-    const char c = peek();
-    if (kSingles.find(c) != kSingles.npos && c != '\0') {
-      advance(1);
-      return add_token(TokenKind::kPunctuator, location, std::string(1, c));
-    }
-    report_unexpected(location);
+    const std::string_view punctuator = text_.substr(position_, punctuator_length(text_.substr(position_)));
+    if (punctuator.empty()) return report_unexpected(location);
+    advance(punctuator.size());
+    add_token(TokenKind::kPunctuator, location, std::string(punctuator));
   }
 
   void report_unexpected(Location location) {
@@ -310,6 +297,14 @@ class Lexer {
 };
 
 }  // namespace
+
+std::size_t punctuator_length(std::string_view text) noexcept {
+  static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||", "<<", ">>", "##"};
+  static constexpr std::string_view kSingles = "+-*/%<>=()[],!?&|^~";
+  if (text.empty()) return 0;
+  if (std::ranges::find(kPairs, text.substr(0, 2)) != std::end(kPairs)) return 2;
+  return kSingles.find(text.front()) != kSingles.npos ? 1 : 0;
+}
 
 bool is_keyword(std::string_view name) {
   static constexpr std::string_view kKeywords[] = {
