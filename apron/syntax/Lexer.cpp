@@ -219,23 +219,21 @@ class Lexer {
 
   void add_number(Location location, std::string_view digits) {
     const bool hex = digits.size() > 1 && (digits[1] == 'x' || digits[1] == 'X');
+    const auto parse = [&](auto& value) {
+      return std::from_chars(digits.data() + (hex ? 2 : 0), digits.data() + digits.size(), value,
+                             hex ? std::chars_format::hex : std::chars_format::general)
+          .ec;
+    };
     float value = 0.0F;
-    std::errc error{};
-    std::uint64_t integer = 0;
-    if (hex) {
-      error = std::from_chars(digits.data() + 2, digits.data() + digits.size(), integer, 16).ec;
-      value = static_cast<float>(integer);
-    } else {
-      error = std::from_chars(digits.data(), digits.data() + digits.size(), value).ec;
-      // Underflow is reported as out of range too; the value is zero.
-      if (error == std::errc::result_out_of_range) {
-        double wide = 0.0;
-        const auto retry_error = std::from_chars(digits.data(), digits.data() + digits.size(), wide).ec;
-        const bool tiny = retry_error == std::errc{} ? std::fabs(wide) < 1.0 : is_tiny(digits);
-        if (tiny) {
-          value = retry_error == std::errc{} ? static_cast<float>(wide) : 0.0F;
-          error = {};
-        }
+    std::errc error = parse(value);
+    // Underflow is reported as out of range too; the value is zero.
+    if (error == std::errc::result_out_of_range && !hex) {
+      double wide = 0.0;
+      const auto retry_error = parse(wide);
+      const bool tiny = retry_error == std::errc{} ? std::fabs(wide) < 1.0 : is_tiny(digits);
+      if (tiny) {
+        value = retry_error == std::errc{} ? static_cast<float>(wide) : 0.0F;
+        error = {};
       }
     }
     if (error == std::errc::result_out_of_range) {
@@ -244,11 +242,7 @@ class Lexer {
     if (error != std::errc{}) return report_error(location, "'{}' is not a number", digits);
     // Whole numbers are exact; a register's cell rounds them to its 32 bits.
     double whole = 0.0;
-    if (hex) {
-      whole = static_cast<double>(integer);
-    } else if (std::from_chars(digits.data(), digits.data() + digits.size(), whole).ec != std::errc{}) {
-      whole = value;
-    }
+    if (parse(whole) != std::errc{}) whole = value;
     add_token(TokenKind::kNumber, location, std::string(digits), is_exact_whole(whole) ? whole : value);
   }
 

@@ -122,6 +122,16 @@ TEST_F(MediaTest, ReadsNpyOfOtherTypesAndOrders) {
   EXPECT_EQ(row.row(0)[2], 9.0F);
 }
 
+TEST_F(MediaTest, ReadsCsvWithByteOrderMark) {
+  const Plane p = plane(2, 1);
+  write_bytes("a.csv",
+              "\xEF\xBB\xBF"
+              "1,2\r\n");
+  read_array(path("a.csv"), p);
+  EXPECT_EQ(p.row(0)[0], 1.0F);
+  EXPECT_EQ(p.row(0)[1], 2.0F);
+}
+
 TEST_F(MediaTest, RefusesDamagedArrays) {
   const Plane p = plane(3, 2);
   const auto said = [&](const std::string& name, const std::string& bytes) {
@@ -140,6 +150,8 @@ TEST_F(MediaTest, RefusesDamagedArrays) {
   says(said("a.npy", good.substr(0, 30)), "ends within its .npy header");
   says(said("a.npy", "hello"), "is not a .npy file");
   says(said("a.npy", npy<float>("<c8", "False", "(2, 3)", {1})), "'<c8'");
+  says(said("a.npy", npy<std::uint16_t>("<f2", "False", "(2, 3)", {1})),
+       "'<f2'; supported types: float32, float64, int8 to int64, uint8 to uint64 and bool");
   says(said("a.npy", npy<float>("<f4", "False", "(2, 3, 1)", {1})), "3 dimensions");
   says(said("a.npy", npy<float>("<f4", "False", "(99999999999999999999,)", {1})), "damaged shape");
   says(said("a.npy", npy<float>("<f4", "False", "", {1})), "shape");
