@@ -174,6 +174,8 @@ class SourceIndex::Builder {
       add(Symbol::Kind::kClass, tokens[4], kProgram, line);
     } else if (directive == "for" && argument(2) != nullptr) {
       add(Symbol::Kind::kDefine, tokens[2], in_function_ ? scope_ : kProgram, line);
+      if (!index_.symbols_.empty() && index_.symbols_.back().location == tokens[2].location)
+        index_.symbols_.back().is_counter = true;
     }
   }
 
@@ -225,10 +227,52 @@ class SourceIndex::Builder {
     }
   }
 
+  const Symbol* find_symbol(const Token& token) const {
+    const std::string key = key_of(token.kind, token.text);
+    auto found = table_.find({scope_, key});
+    if (found == table_.end()) found = table_.find({kProgram, key});
+    return found == table_.end() ? nullptr : &index_.symbols_[found->second];
+  }
+
+  // Of a ## b, what a part stands for; a name that is no parameter and no counter stands for itself.
+  Join::Kind part_kind(const Token& token) const {
+    const Symbol* const symbol = find_symbol(token);
+    if (token.kind == TokenKind::kParameter) return Join::Kind::kWord;
+    if (token.kind != TokenKind::kName || symbol == nullptr) return Join::Kind::kText;
+    if (symbol->kind == Symbol::Kind::kParameter) return Join::Kind::kWord;
+    return symbol->is_counter ? Join::Kind::kNumber : Join::Kind::kText;
+  }
+
+  static bool joins_at(const Line& line, std::size_t i) {
+    return i < line.tokens.size() && line.tokens[i].is("##");
+  }
+
+  void note_joins(const Line& line) {
+    for (std::size_t i = 0; i < line.tokens.size(); ++i) {
+      if (line.tokens[i].kind != TokenKind::kPunctuator) index_.texts_.insert(line.tokens[i].text);
+      if (!joins_at(line, i + 1) || (i > 0 && joins_at(line, i - 1))) continue;
+      Join join{line.tokens[i].location, {}};
+      for (std::size_t part = i; part < line.tokens.size(); part += 2) {
+        join.parts.push_back({part_kind(line.tokens[part]), line.tokens[part].text});
+        if (!joins_at(line, part + 1)) break;
+      }
+      index_.joins_.push_back(std::move(join));
+    }
+  }
+
+  // res.match(CLASS, 'name')
+  static bool is_matched_element(const Line& line, std::size_t i) {
+    return i >= 4 && line.tokens[i - 4].is_name("res.match") && line.tokens[i - 1].is(",");
+  }
+
   void use(const Line& line) {
+    note_joins(line);
     for (std::size_t i = 0; i < line.tokens.size(); ++i) {
       const Token& token = line.tokens[i];
       if (token.kind == TokenKind::kNumber || token.kind == TokenKind::kPunctuator) continue;
+      if ((joins_at(line, i + 1) || (i > 0 && joins_at(line, i - 1))) &&
+          part_kind(token) == Join::Kind::kText)
+        continue;
       const std::uint32_t length = character_count(token.text);
       syntax::Location start = token.location;
       start.column += sigil_length(token.kind);
@@ -245,7 +289,8 @@ class SourceIndex::Builder {
       const bool named_by_text = symbol.kind == Symbol::Kind::kFilter ||
                                  symbol.kind == Symbol::Kind::kParameter ||
                                  symbol.kind == Symbol::Kind::kClass;
-      if (token.kind == TokenKind::kString && !named_by_text && !(token.location == symbol.location))
+      if (token.kind == TokenKind::kString && !named_by_text && !(token.location == symbol.location) &&
+          !is_matched_element(line, i))
         continue;
       index_.occurrences_.push_back({start, length, found->second});
     }
@@ -261,6 +306,36 @@ class SourceIndex::Builder {
 };
 
 SourceIndex::SourceIndex(const syntax::SourceManager& sources) { Builder(*this, sources).build(); }
+
+bool SourceIndex::can_make(const Join& join, std::size_t first_part, std::string_view name) const {
+  if (first_part == join.parts.size()) return name.empty();
+  const Join::Part& part = join.parts[first_part];
+  if (part.kind == Join::Kind::kText)
+    return name.starts_with(part.text) && can_make(join, first_part + 1, name.substr(part.text.size()));
+  for (std::size_t length = 1; length <= name.size(); ++length) {
+    const std::string_view head = name.substr(0, length);
+    const bool is_number = head.find_first_not_of("0123456789") == std::string_view::npos;
+    if (!is_number && (part.kind == Join::Kind::kNumber || !texts_.contains(head))) continue;
+    if (can_make(join, first_part + 1, name.substr(length))) return true;
+  }
+  return false;
+}
+
+const syntax::Location* SourceIndex::find_join(const Symbol& symbol) const {
+  if (symbol.kind == Symbol::Kind::kParameter || symbol.kind == Symbol::Kind::kFilter || symbol.is_counter)
+    return nullptr;
+  for (const Join& join : joins_) {
+    if (can_make(join, 0, symbol.name)) return &join.location;
+    for (std::size_t i = 0; i < join.parts.size(); ++i) {
+      if (join.parts[i].kind != Join::Kind::kWord) continue;
+      Join given = join;
+      given.parts[i] = {Join::Kind::kText, symbol.name};
+      const auto is_made = [&](const std::string& text) { return can_make(given, 0, text); };
+      if (std::ranges::any_of(texts_, is_made)) return &join.location;
+    }
+  }
+  return nullptr;
+}
 
 const Occurrence* SourceIndex::find(std::uint32_t file, std::uint32_t line, std::uint32_t column) const {
   const auto covers = [&](const Occurrence& o) {

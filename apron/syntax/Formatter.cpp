@@ -65,9 +65,7 @@ std::size_t token_length(std::string_view text, bool first, Kind& kind) {
          : c == '?'             ? Kind::kWord
                                 : Kind::kOperator;
   if (kind != Kind::kOperator) return 1;
-  for (const std::string_view pair : {"<=", ">=", "==", "!=", "&&", "||", "##"})
-    if (text.substr(0, 2) == pair) return 2;
-  return 1;
+  return std::max<std::size_t>(punctuator_length(text), 1);
 }
 
 PhysicalLine scan_line(std::string_view line, bool starts_statement) {
@@ -98,10 +96,18 @@ bool is_word_operator(std::string_view text) {
   return std::find(std::begin(kWords), std::end(kWords), text) != std::end(kWords);
 }
 
+// True if two tokens would be read as other ones without a space between them, as & & and / /.
+bool need_space(std::string_view left, std::string_view right, bool first) {
+  const std::string text = std::string(left).append(right);
+  Kind kind = Kind::kWord;
+  return text.starts_with("//") || token_length(text, first, kind) != left.size();
+}
+
 // The tokens of a line with canonical spacing. previous: the last token of the line that it continues, or
 // null.
 std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
   std::string text;
+  const bool starts_statement = previous == nullptr;
   bool last_infix = false, last_prefix = false;
   for (const FormatToken& token : line.tokens) {
     const bool after_value = previous != nullptr && (previous->kind == Kind::kClose ||
@@ -113,6 +119,9 @@ std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
                        token.kind != Kind::kComma && token.kind != Kind::kClose;
     if (token.kind == Kind::kOpen && previous != nullptr && previous->kind == Kind::kWord && !last_infix)
       needs_space = false;
+    if (last_prefix && token.kind != Kind::kComma && token.kind != Kind::kClose)
+      needs_space =
+          need_space(previous->text, token.text, starts_statement && previous == line.tokens.data());
     if (needs_space && !text.empty()) text += ' ';
     text += token.text;
     previous = &token;
@@ -227,14 +236,17 @@ std::string align_comments(const std::vector<FormattedLine>& lines) {
   return text;
 }
 
-std::string format_lines(std::string_view text) {
+}  // namespace
+
+std::string format_unchecked(std::string_view text) {
   std::vector<PhysicalLine> scanned;
-  bool continues = false;
+  bool continues = false, starts_statement = true;
   if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);
   while (!text.empty()) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    scanned.push_back(scan_line(text.substr(0, end), !continues));
+    scanned.push_back(scan_line(text.substr(0, end), starts_statement));
     continues = scanned.back().continued;
+    starts_statement = !continues || (starts_statement && scanned.back().tokens.empty());
     text.remove_prefix(std::min(end + 1, text.size()));
   }
   const std::vector<BlockRole> roles = find_block_roles(scanned);
@@ -266,6 +278,8 @@ std::string format_lines(std::string_view text) {
   return align_comments(lines);
 }
 
+namespace {
+
 std::vector<Line> lex_text(const std::string& text, bool& success) {
   SourceManager sources;
   Diagnostics diagnostics;
@@ -288,7 +302,7 @@ std::string format_source(const std::string& text) {
   bool lexes = false, result_lexes = false;
   const std::vector<Line> before = lex_text(text, lexes);
   if (!lexes) return text;
-  std::string result = format_lines(text);
+  std::string result = format_unchecked(text);
   const std::vector<Line> after = lex_text(result, result_lexes);
   return result_lexes && same_tokens(before, after) ? result : text;
 }

@@ -126,10 +126,7 @@ class Lexer {
     if (is_digit(c) || (c == '.' && is_digit(peek(1)))) return lex_number();
     if (is_letter(c) || at_foreign_letter()) return add_token(TokenKind::kName, location, lex_name());
     if (c == '\'') return lex_string();
-    if (c == '#' && peek(1) == '#') {
-      advance(2);
-      return add_token(TokenKind::kPunctuator, location, "##");
-    }
+    if (c == '#' && peek(1) == '#') return lex_punctuator();
     if (c == '$' || c == '#' || c == ':') return lex_sigil(c);
     if (c == '!' && tokens_.empty() && is_letter(peek(1))) {
       advance(1);
@@ -222,23 +219,21 @@ class Lexer {
 
   void add_number(Location location, std::string_view digits) {
     const bool hex = digits.size() > 1 && (digits[1] == 'x' || digits[1] == 'X');
+    const auto parse = [&](auto& value) {
+      return std::from_chars(digits.data() + (hex ? 2 : 0), digits.data() + digits.size(), value,
+                             hex ? std::chars_format::hex : std::chars_format::general)
+          .ec;
+    };
     float value = 0.0F;
-    std::errc error{};
-    std::uint64_t integer = 0;
-    if (hex) {
-      error = std::from_chars(digits.data() + 2, digits.data() + digits.size(), integer, 16).ec;
-      value = static_cast<float>(integer);
-    } else {
-      error = std::from_chars(digits.data(), digits.data() + digits.size(), value).ec;
-      // Underflow is reported as out of range too; the value is zero.
-      if (error == std::errc::result_out_of_range) {
-        double wide = 0.0;
-        const auto retry_error = std::from_chars(digits.data(), digits.data() + digits.size(), wide).ec;
-        const bool tiny = retry_error == std::errc{} ? std::fabs(wide) < 1.0 : is_tiny(digits);
-        if (tiny) {
-          value = retry_error == std::errc{} ? static_cast<float>(wide) : 0.0F;
-          error = {};
-        }
+    std::errc error = parse(value);
+    // Underflow is reported as out of range too; the value is zero.
+    if (error == std::errc::result_out_of_range && !hex) {
+      double wide = 0.0;
+      const auto retry_error = parse(wide);
+      const bool tiny = retry_error == std::errc{} ? std::fabs(wide) < 1.0 : is_tiny(digits);
+      if (tiny) {
+        value = retry_error == std::errc{} ? static_cast<float>(wide) : 0.0F;
+        error = {};
       }
     }
     if (error == std::errc::result_out_of_range) {
@@ -247,11 +242,7 @@ class Lexer {
     if (error != std::errc{}) return report_error(location, "'{}' is not a number", digits);
     // Whole numbers are exact; a register's cell rounds them to its 32 bits.
     double whole = 0.0;
-    if (hex) {
-      whole = static_cast<double>(integer);
-    } else if (std::from_chars(digits.data(), digits.data() + digits.size(), whole).ec != std::errc{}) {
-      whole = value;
-    }
+    if (parse(whole) != std::errc{}) whole = value;
     add_token(TokenKind::kNumber, location, std::string(digits), is_exact_whole(whole) ? whole : value);
   }
 
@@ -264,21 +255,11 @@ class Lexer {
   }
 
   void lex_punctuator() {
-    static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||", "<<", ">>"};
-    static constexpr std::string_view kSingles = "+-*/%<>=()[],!?&|^~";
     const Location location = current_location();
-    for (const std::string_view pair : kPairs) {
-      if (text_.substr(position_, 2) == pair) {
-        advance(2);
-        return add_token(TokenKind::kPunctuator, location, std::string(pair));
-      }
-    }
-    const char c = peek();
-    if (kSingles.find(c) != kSingles.npos && c != '\0') {
-      advance(1);
-      return add_token(TokenKind::kPunctuator, location, std::string(1, c));
-    }
-    report_unexpected(location);
+    const std::string_view punctuator = text_.substr(position_, punctuator_length(text_.substr(position_)));
+    if (punctuator.empty()) return report_unexpected(location);
+    advance(punctuator.size());
+    add_token(TokenKind::kPunctuator, location, std::string(punctuator));
   }
 
   void report_unexpected(Location location) {
@@ -310,6 +291,14 @@ class Lexer {
 };
 
 }  // namespace
+
+std::size_t punctuator_length(std::string_view text) noexcept {
+  static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||", "<<", ">>", "##"};
+  static constexpr std::string_view kSingles = "+-*/%<>=()[],!?&|^~";
+  if (text.empty()) return 0;
+  if (std::ranges::find(kPairs, text.substr(0, 2)) != std::end(kPairs)) return 2;
+  return kSingles.find(text.front()) != kSingles.npos ? 1 : 0;
+}
 
 bool is_keyword(std::string_view name) {
   static constexpr std::string_view kKeywords[] = {

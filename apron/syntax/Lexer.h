@@ -2,7 +2,9 @@
 // reported and marked; its tokens before it are kept, so that an `if` in it still has its `endif`.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "apron/syntax/Diagnostic.h"
@@ -12,6 +14,9 @@
 namespace apron::syntax {
 
 inline constexpr std::size_t kMaxFileBytes = std::size_t{16} << 20;
+
+// Bytes of the operator, bracket or comma that the text begins with; 0 if there is none.
+std::size_t punctuator_length(std::string_view text) noexcept;
 
 std::vector<Line> lex(const SourceManager&, std::uint32_t file, Diagnostics&);
 

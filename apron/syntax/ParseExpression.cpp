@@ -77,7 +77,7 @@ class Parser::DepthGuard {
   explicit DepthGuard(Parser& parser) : parser_(parser) {
     if (++parser_.depth_ > kMaxExpressionDepth) {
       --parser_.depth_;
-      parser_.fail("this expression is nested more than {} deep", kMaxExpressionDepth);
+      parser_.fail("{}", parser_.too_deep());
     }
   }
   ~DepthGuard() { --parser_.depth_; }
@@ -96,6 +96,11 @@ bool Parser::consume(std::string_view symbol) {
   return true;
 }
 
+std::string Parser::too_deep() const {
+  return fmt::format("this expression is nested more than {} deep{}", kMaxExpressionDepth,
+                     preprocessor_.endless_function());
+}
+
 Expression Parser::make_expression(ExpressionKind kind, const Token& token,
                                    std::vector<Expression> children) const {
   Expression expression;
@@ -106,7 +111,7 @@ Expression Parser::make_expression(ExpressionKind kind, const Token& token,
   expression.owner = token.owner;
   for (const Expression& child : children) expression.depth = std::max(expression.depth, child.depth + 1);
   if (expression.depth > kMaxExpressionDepth) {
-    fail_at(token.location, "this expression is nested more than {} deep", kMaxExpressionDepth);
+    fail_at(token.location, "{}", too_deep());
   }
   expression.children = std::move(children);
   return expression;
@@ -474,7 +479,7 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
   for (const ArgumentBinding& binding : expansion.bindings) deepest = std::max(deepest, binding.value.depth);
   expression.depth = deepest + 1;
   if (expression.depth > kMaxExpressionDepth) {
-    fail_at(call.location, "this expression is nested more than {} deep", kMaxExpressionDepth);
+    fail_at(call.location, "{}", too_deep());
   }
   return expression;
 }

@@ -143,6 +143,17 @@ bool Preprocessor::is_expanding(const MacroTable::Handle& macro) const {
   return std::ranges::any_of(frames_, [&](const InputFrame& frame) { return frame.macro == macro; });
 }
 
+std::string Preprocessor::endless_function() const {
+  for (auto frame = frames_.begin(); frame != frames_.end(); ++frame) {
+    if (frame->macro == nullptr || !frame->macro->is_function) continue;
+    const auto is_same = [&](const InputFrame& other) { return other.macro == frame->macro; };
+    if (std::any_of(std::next(frame), frames_.end(), is_same))
+      return fmt::format(": the function '{}' calls itself; functions cannot, unless an !if ends it",
+                         frame->macro->name);
+  }
+  return "";
+}
+
 MacroTable::Handle Preprocessor::find_macro(const std::string& name, std::size_t arguments,
                                             bool has_result) const {
   MacroTable::Handle macro = macros_.find(name, arguments, has_result);
@@ -157,8 +168,10 @@ bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t ex
       std::ranges::count_if(frames_, [](const InputFrame& f) { return f.macro != nullptr; });
   std::string limit_error;
   if (depth >= kMaxMacroDepth) {
-    limit_error = fmt::format("macros are expanded more than {} deep here: does '{}' call itself?",
-                              kMaxMacroDepth, macro->name);
+    const std::string function = endless_function();
+    limit_error =
+        fmt::format("macros are expanded more than {} deep here{}", kMaxMacroDepth,
+                    function.empty() ? fmt::format(": does '{}' call itself?", macro->name) : function);
   } else if (sources_.expansion_count() > kMaxExpansions) {
     limit_error = fmt::format("the program expands more than {} macros", kMaxExpansions);
   }

@@ -98,6 +98,8 @@ class Preprocessor {
   // alone.
   bool assigns_plainly() const;
   bool is_expanding(const MacroTable::Handle&) const;
+  // What a limit of depth says of a function that calls itself: ": …"; "" if none does.
+  std::string endless_function() const;
   const MacroTable& macros() const noexcept { return macros_; }
   bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
 

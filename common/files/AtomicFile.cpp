@@ -17,9 +17,9 @@ namespace fs = std::filesystem;
 
 std::error_code last_error() { return {errno, std::generic_category()}; }
 
-std::error_code write_all(const fs::path& path, std::string_view bytes, int creation) {
+std::error_code write_all(const fs::path& path, std::string_view bytes, int creation, unsigned mode) {
   // A named pipe that nobody reads is an error: the call would wait for a reader.
-  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | creation, 0666);
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | creation, mode);
   if (file < 0) return errno == ENXIO ? std::make_error_code(std::errc::broken_pipe) : last_error();
   std::error_code error;
   if (::fcntl(file, F_SETFL, 0) != 0) error = last_error();
@@ -47,16 +47,17 @@ fs::path part_of(const fs::path& path) { return path.string() + ".part" + std::t
 
 std::error_code replace_file(const fs::path& path, std::string_view bytes) {
   if (const std::error_code refusal = withheld(path)) return refusal;
-  if (is_special_file(path)) return write_all(path, bytes, O_TRUNC);
+  if (is_special_file(path)) return write_all(path, bytes, O_TRUNC, 0666);
   std::error_code error;
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);
+  if (const std::error_code refusal = refused_output(path)) return refusal;
   const std::optional<fs::path> prepared = prepared_part(path);
   const fs::path part = prepared ? *prepared : part_of(path);
   error.clear();
   // Removed and then created with O_EXCL, so that the bytes never go through a link that another user put
   // there.
   if (!prepared) fs::remove(part, error);
-  if (!error) error = write_all(part, bytes, prepared ? O_TRUNC : O_EXCL);
+  if (!error) error = write_all(part, bytes, prepared ? O_TRUNC : O_EXCL, part_mode(path));
   if (!error) error = rename_part(part, path);
   if (error) discard_part(part);
   return error;

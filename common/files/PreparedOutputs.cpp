@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <exception>
 #include <string>
 
@@ -33,10 +32,36 @@ bool is_own_file(const fs::path& path) noexcept {
          status.st_uid == ::geteuid();
 }
 
+constexpr mode_t kPermissions = 0777;
+
+// The permissions of the file of that name; nullopt: there is none.
+std::optional<mode_t> file_mode(const fs::path& name) noexcept {
+  struct stat status {};
+  if (::lstat(name.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
+  return status.st_mode & kPermissions;
+}
+
+// What the umask took from part_mode(). A confined process may not: there the part stays narrower.
+void keep_mode(const fs::path& part, const fs::path& name) noexcept {
+  const std::optional<mode_t> wanted = file_mode(name);
+  if (wanted && wanted != file_mode(part)) (void)::chmod(part.c_str(), *wanted);
+}
+
 }  // namespace
+
+std::error_code refused_output(const fs::path& name) noexcept {
+  if (!file_mode(name) || ::faccessat(AT_FDCWD, name.c_str(), W_OK, AT_EACCESS) == 0) return {};
+  return {errno, std::generic_category()};
+}
+
+unsigned part_mode(const fs::path& name) noexcept { return file_mode(name).value_or(0666); }
 
 PreparedOutput prepare_output(const std::string& subject, const fs::path& name, const fs::path& part) {
   PreparedOutput output{.name = name, .part = part};
+  const auto refuse = [&](const std::error_code& reason) {
+    throw UserError(subject + ": cannot be written: " + reason.message());
+  };
+  if (const std::error_code refusal = refused_output(name)) refuse(refusal);
   std::error_code error;
   if (const fs::file_status status = fs::symlink_status(name, error);
       fs::exists(status) && !fs::is_regular_file(status)) {
@@ -48,15 +73,17 @@ PreparedOutput prepare_output(const std::string& subject, const fs::path& name, 
     return output;
   }
   if (!output.in_place) fs::remove(part, error);
-  const int file = error ? -1 : ::open(output.part.c_str(), O_WRONLY | O_CLOEXEC | O_CREAT | O_EXCL, 0666);
-  if (file < 0)
-    throw UserError(subject + ": cannot be written: " + (error ? error.message() : std::strerror(errno)));
+  if (error) refuse(error);
+  const int file =
+      ::open(output.part.c_str(), O_WRONLY | O_CLOEXEC | O_CREAT | O_EXCL, part_mode(output.name));
+  if (file < 0) refuse({errno, std::generic_category()});
   ::close(file);
   output.created = true;
   return output;
 }
 
 std::error_code name_part(const PreparedOutput& output) noexcept {
+  if (!output.in_place) keep_mode(output.part, output.name);
   if (output.in_place || ::rename(output.part.c_str(), output.name.c_str()) == 0) return {};
   return {errno, std::generic_category()};
 }
@@ -84,6 +111,7 @@ bool is_prepared(const fs::path& part) noexcept { return find(part) < outputs.si
 std::error_code rename_part(const fs::path& part, const fs::path& name) {
   if (const std::error_code refusal = withheld(name)) return refusal;
   if (const std::size_t number = find(part); number < outputs.size()) return keeper.name(number);
+  keep_mode(part, name);
   std::error_code error;
   fs::rename(part, name, error);
   return error;

@@ -36,7 +36,12 @@ void use_prepared_outputs(std::vector<PreparedOutput>, PreparedOutputKeeper);
 // The part of the output of that name; nullopt: it is not prepared.
 std::optional<std::filesystem::path> prepared_part(const std::filesystem::path& name);
 bool is_prepared(const std::filesystem::path& part) noexcept;
-// Like rename() and remove(), for prepared parts and for others.
+// An error if `name` is a file that may not be written, which renaming would replace all the same.
+std::error_code refused_output(const std::filesystem::path& name) noexcept;
+// The permissions to create a part with: those of the file that it will replace, if there is one.
+unsigned part_mode(const std::filesystem::path& name) noexcept;
+// Like rename() and remove(), for prepared parts and for others. The new file has the permissions of the one
+// that it replaces.
 std::error_code rename_part(const std::filesystem::path& part, const std::filesystem::path& name);
 void discard_part(const std::filesystem::path& part) noexcept;
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "common/files/AtomicFile.h"
+#include "common/files/PreparedOutputs.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -36,6 +37,8 @@ void require_writable(const std::string& flag, const std::string& file) {
       fs::exists(file, ignored) && common::is_special_file(file) ? file : folder.string();
   if (access(target.c_str(), W_OK) != 0)
     throw_input_error(flag, file, std::string("cannot be written: ") + std::strerror(errno));
+  if (const std::error_code refusal = common::refused_output(file))
+    throw_input_error(flag, file, "cannot be written: " + refusal.message());
 }
 
 void replace_output_file(const std::string& flag, const std::string& file, const std::string& text) {

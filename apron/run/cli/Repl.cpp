@@ -270,7 +270,8 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   options.isa = options_.isa;
   options.stop = &common::stop_flag();
   vm::Vm vm(std::move(*result.program), options, host);
-  const vm::Status status = vm.run();
+  vm::Status status = vm.run();
+  while (status == vm::Status::kTick) status = vm.run();
   if (host.line_open()) out_ << '\n';
   if (status != vm::Status::kEnded) {
     report = status == vm::Status::kInterrupted ? "interrupted\n" : vm.error() + "\n";

@@ -30,6 +30,11 @@ struct PngImage : png_image {
   ~PngImage() { png_image_free(this); }
 };
 
+// BT.601, rounded down as stb does for the other formats.
+float luma(std::uint32_t red, std::uint32_t green, std::uint32_t blue) {
+  return static_cast<float>((77 * red + 150 * green + 29 * blue) >> 8U);
+}
+
 }  // namespace
 
 DecodedImage decode_png(const std::string& path, std::string_view bytes, const vm::Plane* shape) {
@@ -37,12 +42,17 @@ DecodedImage decode_png(const std::string& path, std::string_view bytes, const v
   if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0)
     throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
   require_size(path, image.width, image.height, shape);
-  image.format = PNG_FORMAT_GRAY;
-  std::vector<std::uint8_t> pixels(std::size_t{image.width} * image.height);
-  const png_color black{0, 0, 0};  // background of transparent pixels
-  if (png_image_finish_read(&image, &black, pixels.data(), 0, nullptr) == 0)
+  // libpng's own grey weighs colours in linear light, and takes 16 bits for linear light.
+  image.format = PNG_FORMAT_RGBA;
+  image.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;
+  std::vector<std::uint8_t> pixels(PNG_IMAGE_SIZE(image));
+  if (png_image_finish_read(&image, nullptr, pixels.data(), 0, nullptr) == 0)
     throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
-  return {image.width, image.height, {pixels.begin(), pixels.end()}};
+  DecodedImage grey{image.width, image.height, {}};
+  grey.pixels.reserve(pixels.size() / 4);
+  for (std::size_t i = 0; i < pixels.size(); i += 4)
+    grey.pixels.push_back(luma(pixels[i], pixels[i + 1], pixels[i + 2]));
+  return grey;
 }
 
 std::string encode_png(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,

@@ -50,7 +50,7 @@ void parse_type(const std::string& path, std::string_view text, NpyHeader& heade
   if (!(header.type_kind == 'f' && (size == 4 || size == 8)) && !(header.type_kind == 'b' && size == 1) &&
       !((header.type_kind == 'i' || header.type_kind == 'u') && valid_integer_size))
     throw_refused(path, "holds elements of type '" + std::string(type.substr(0, 40)) +
-                            "'; supported types: floating point, integer and Boolean");
+                            "'; supported types: float32, float64, int8 to int64, uint8 to uint64 and bool");
 }
 
 void parse_shape(const std::string& path, std::string_view text, NpyHeader& header) {

@@ -5,6 +5,7 @@
 
 #include "apron/compiler/Compiler.h"
 #include "apron/debugger/Condition.h"
+#include "apron/vm/NumberFormat.h"
 
 namespace apron::run {
 namespace {
@@ -26,8 +27,9 @@ bool mentions(const std::string& text, const std::string& name) {
   return false;
 }
 
-std::string condition_source(const std::string& condition, const program::Program& debuggee,
-                             std::uint32_t width, std::uint32_t height) {
+// Declares the registers and scalars of the debuggee that the condition names.
+std::string condition_declarations(const std::string& condition, const program::Program& debuggee,
+                                   std::uint32_t width, std::uint32_t height) {
   std::string text;
   std::vector<std::string> declared;
   const auto declare_once = [&](const std::string& name) {
@@ -55,7 +57,40 @@ std::string condition_source(const std::string& condition, const program::Progra
   for (const program::Variable& v : debuggee.variables)
     if (const std::string name = declaration(debuggee.variables, v.name); !name.empty())
       text += "!scalar(" + name + ")\n";
-  return text + "#again\n" + debugger::kResultVariable + " = " + condition + "\nsurface.step\njump(#again)\n";
+  return text;
+}
+
+compiler::CompileResult compile_text(const std::string& text, std::uint32_t width, std::uint32_t height) {
+  syntax::MemoryReader reader;
+  reader.files["condition"] = text;
+  compiler::CompileOptions options;
+  options.file = "condition";
+  options.width = width;
+  options.height = height;
+  return compiler::compile(options, reader);
+}
+
+// The error of a cell outside of its register, if its place is constant; "" if there is none.
+std::string outside_error(const program::Program& condition) {
+  const auto constant = [&](const program::Operand& operand) -> std::optional<double> {
+    if (operand.kind != program::OperandKind::kLiteral) return std::nullopt;
+    return condition.literals[operand.index];
+  };
+  for (const program::Instruction& instruction : condition.code) {
+    if (instruction.op != program::Opcode::kPixelGet) continue;
+    const program::Register& cells = condition.registers[instruction.operands[0].index];
+    const auto column = constant(instruction.operands[1]), row = constant(instruction.operands[2]);
+    const auto is_outside = [](const std::optional<double>& at, std::uint32_t length) {
+      return at && !(*at >= 0.0 && *at < length);
+    };
+    if (!is_outside(column, cells.width) && !is_outside(row, cells.height)) continue;
+    const auto place = [](const char* axis, const std::optional<double>& at) {
+      return at ? std::string(axis) + " " + vm::format_number(*at) : std::string();
+    };
+    return place("column", column) + (column && row ? ", " : "") + place("row", row) +
+           " is outside a register of " + std::to_string(cells.width) + "x" + std::to_string(cells.height);
+  }
+  return "";
 }
 
 }  // namespace
@@ -67,15 +102,19 @@ std::optional<program::Program> compile_condition(const std::string& condition,
     error = "a condition must be one line without a comment";
     return std::nullopt;
   }
-  syntax::MemoryReader reader;
-  reader.files["condition"] = condition_source(condition, debuggee, width, height);
-  compiler::CompileOptions compiler_options;
-  compiler_options.file = "condition";
-  compiler_options.width = width;
-  compiler_options.height = height;
-  compiler::CompileResult result = compiler::compile(compiler_options, reader);
-  if (result.program) return std::move(result.program);
-  error = result.diagnostics.empty() ? "not a condition" : result.diagnostics.front().message;
+  const std::string declarations = condition_declarations(condition, debuggee, width, height);
+  compiler::CompileResult result = compile_text(declarations + "#again\n" + debugger::kResultVariable +
+                                                    " = " + condition + "\nsurface.step\njump(#again)\n",
+                                                width, height);
+  if (result.program) {
+    error = outside_error(*result.program);
+    return error.empty() ? std::move(result.program) : std::nullopt;
+  }
+  // What a program's own condition is told does not name the scalar that takes the result.
+  const compiler::CompileResult statement =
+      compile_text(declarations + "if(" + condition + ")\nendif\n", width, height);
+  const auto& diagnostics = statement.program ? result.diagnostics : statement.diagnostics;
+  error = diagnostics.empty() ? "not a condition" : diagnostics.front().message;
   return std::nullopt;
 }
 

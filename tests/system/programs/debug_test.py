@@ -150,7 +150,8 @@ class Debug(unittest.TestCase):
     def test_mistakes(self):
         for command, text in (("fly", "no command 'fly'"), ("print X", "no register 'X'"), ("print A 9 9", "outside a register of 4x3"),
                               ("plane A 0 0", "plane takes"), ("print A -1 0", "not a whole number"), ("break 999", "has instructions"),
-                              ("break q.aps:1", "no file 'q.aps'"), ("break if X > 1", "X"), ("break if A", "'A'"), ("break tick 0", "number of a tick"),
+                              ("break q.aps:1", "no file 'q.aps'"), ("break if X > 1", "X"), ("break if A", "'A'"),
+                              ("break change A 9 9", "column 9, row 9 is outside a register of 4x3"), ("break if A > 1", "a condition takes a scalar, and this is a register"), ("break tick 0", "number of a tick"),
                               ("delete 3", "no breakpoint"), ("save A a.xyz", "must end in"), ("save Q a.npy", "'Q'"), ("print", "other arguments"),
                               ("step now", "other arguments")):
             out = self.debug(command, "p n", status=2)

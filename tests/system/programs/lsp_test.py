@@ -219,6 +219,29 @@ class LanguageServer(unittest.TestCase):
             answer = self.client.request("textDocument/rename", textDocument={"uri": self.uri}, position=self.at(word), newName=new)
             self.assertIn("error", answer, (word, new))
 
+    def rename(self, word, new, occurrence=0):
+        """The text with the name changed, or the error."""
+        answer = self.client.request("textDocument/rename", textDocument={"uri": self.uri}, position=self.at(word, occurrence, 0), newName=new)
+        return self.apply(answer["result"]["changes"][self.uri], self.text) if "result" in answer else answer["error"]["message"]
+
+    def test_rename_reaches_elements_that_are_named_by_text(self):
+        text = "!create('Q', REGISTER, 3, 2)\nr[Q] = 1\nprintln(res.match(REGISTER, 'Q'), 'Q')\n"
+        self.change(text)
+        renamed = "!create('Z', REGISTER, 3, 2)\nr[Z] = 1\nprintln(res.match(REGISTER, 'Z'), 'Q')\n"
+        for occurrence in range(2):  # where it is declared and used
+            self.assertEqual(self.rename("Q", "Z", 1 - occurrence), renamed)
+        self.assertEqual(self.rename("Q', REGISTER", "Z"), renamed)
+
+    def test_rename_refuses_names_that_are_joined(self):
+        self.change("!macro_def\nkeep($n)\n!macro_begin\n$n ## _old = $n\n!macro_end\n!register(A, B, A_old, x1, x2)\nx = 1\n"
+                    "keep(A)\n!for(j, 1, 2)\n  x ## j = j + x\n!endfor\nprintln(A, B, A_old, x1, x2, x)\n")
+        for name, line in (("A", 4), ("A_old", 4), ("x1", 10), ("x2", 10)):
+            self.assertRegex(self.rename(name + ",", "Z"), f"^'{name}' may be a part .*p.aps:{line}: rename it by hand$")
+        self.assertEqual(self.rename("B", "Z"), self.text.replace("B,", "Z,"))
+        self.assertEqual(self.rename("x = 1", "Z"),
+                         self.text.replace("\nx = 1", "\nZ = 1").replace("+ x", "+ Z").replace("x)", "Z)"))
+        self.assertEqual(self.rename("j,", "k"), self.text.replace("j", "k"))
+
     def test_symbols_and_formatting(self):
         names = {symbol["name"] for symbol in self.sync()}
         self.assertLessEqual({"Object", "Größe", "LIMIT", "n", "frame", "blend", "k"}, names)

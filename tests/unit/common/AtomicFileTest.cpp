@@ -9,6 +9,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/error/UserError.h"
+#include "common/files/PreparedOutputs.h"
 #include "tests/unit/common/TemporaryFolder.h"
 
 namespace fs = std::filesystem;
@@ -29,6 +31,42 @@ TEST(AtomicFile, ReplacesWholeFile) {
   EXPECT_FALSE(replace_file(path, "a longer first text"));
   EXPECT_FALSE(replace_file(path, "short"));
   EXPECT_EQ(content(path), "short");
+  EXPECT_EQ(folder.entries(), 1);
+}
+
+unsigned mode_of(const fs::path& path) { return static_cast<unsigned>(fs::status(path).permissions()); }
+
+TEST(AtomicFile, KeepsPermissionsOfReplacedFile) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.txt";
+  EXPECT_FALSE(replace_file(path, "new"));
+  const unsigned fresh = mode_of(path);
+  for (const unsigned mode : {0600U, 0755U, 0640U, 0666U, fresh}) {
+    fs::permissions(path, fs::perms{mode});
+    EXPECT_FALSE(replace_file(path, "again"));
+    EXPECT_EQ(mode_of(path), mode);
+    const common::PreparedOutput output = common::prepare_output("--save", path, common::part_of(path));
+    EXPECT_EQ(mode_of(output.part) & ~mode, 0U);  // never wider than the file
+    EXPECT_FALSE(common::name_part(output));
+    EXPECT_EQ(mode_of(path), mode);
+  }
+}
+
+TEST(AtomicFile, RefusesFileWithoutWritePermission) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.txt";
+  EXPECT_FALSE(replace_file(path, "old"));
+  fs::permissions(path, fs::perms{0444});
+  const uid_t user = ::geteuid();
+  if (user == 0) {  // who may write everything
+    constexpr uid_t kNobody = 65534;
+    fs::permissions(folder.path(), fs::perms::all);
+    ASSERT_EQ(::seteuid(kNobody), 0);
+  }
+  EXPECT_EQ(replace_file(path, "new"), std::errc::permission_denied);
+  EXPECT_THROW(common::prepare_output("--save", path, common::part_of(path)), common::UserError);
+  ASSERT_EQ(::seteuid(user), 0);
+  EXPECT_EQ(content(path), "old");
   EXPECT_EQ(folder.entries(), 1);
 }
 

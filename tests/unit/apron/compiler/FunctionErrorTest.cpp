@@ -49,6 +49,18 @@ TEST(FunctionErrors, NameTheArgument) {
             at + "5: error: no macro 'f' takes 1 argument and gives a result; there is y = f(a, n)");
 }
 
+TEST(FunctionErrors, FunctionsThatCallThemselves) {
+  const std::string told = ": the function 'g' calls itself; functions cannot, unless an !if ends it";
+  const std::string nested =
+      error("function y = g(n)\ny = 1\nif(n > 1)\ny = n * g(n - 1)\nendif\nendfunction\nx = g(5)");
+  EXPECT_NE(nested.find(" deep" + told), std::string::npos) << nested;
+  EXPECT_EQ(error("function g(n)\ng(n)\nendfunction\ng(5)"),
+            "main.aps:22:1: error: macros are expanded more than 64 deep here" + told);
+  EXPECT_EQ(error("function y = g(integer n)\n!if(n, <=, 1)\ny = 1\n!else\ny = n * g(n - "
+                  "1)\n!endif\nendfunction\nx = g(5)"),
+            "");
+}
+
 TEST(FunctionErrors, AnElementWhoseIndexIsConstantIsARegister) {
   EXPECT_EQ(error("!for(i, 0, 1)\nchange(ch[i + 1], 2)\n!endfor\nchange(ch[(2 - 1) * 2], 1)"), "");
   EXPECT_EQ(error("change(ch[1 + 2], 2)"),

@@ -188,11 +188,27 @@ TEST(ConditionCompiler, ReportsErrorsInOneLine) {
     return text;
   };
   EXPECT_NE(wrong("globalsum(Aa) > 0").find("Aa"), std::string::npos);
-  EXPECT_NE(wrong("A > 0"), "");
+  EXPECT_EQ(wrong("A > 0"),
+            "a condition takes a scalar, and this is a register; write where(…) to act on the cells where it "
+            "holds, or take one value of all: globalany(A)");
   EXPECT_NE(wrong("count >"), "");
   EXPECT_NE(wrong(""), "");
   EXPECT_NE(wrong("count > 1 // or so").find("comment"), std::string::npos);
   EXPECT_NE(wrong("count > 1\nA = 3"), "");
+}
+
+TEST(ConditionCompiler, RefusesConstantCellsOutsideOfTheirRegister) {
+  const CompiledSource c = compile(kCounting);
+  std::string text;
+  const auto said = [&](const std::string& condition) {
+    text.clear();
+    run::compile_condition(condition, c.program, 8, 6, text);
+    return text;
+  };
+  EXPECT_EQ(said(cell_expression("A", 9, 9)), "column 9, row 9 is outside a register of 8x6");
+  EXPECT_EQ(said("pixel.get(A, count, 2 * 3) > 1"), "row 6 is outside a register of 8x6");
+  EXPECT_EQ(said("pixel.get(A, -1, 0) > 1"), "column -1, row 0 is outside a register of 8x6");
+  EXPECT_EQ(said(cell_expression("A", 7, 5)), "");
 }
 
 TEST_F(DebugSessionTest, ResetAndReplaceRestart) {

@@ -122,6 +122,16 @@ TEST_F(MediaTest, ReadsNpyOfOtherTypesAndOrders) {
   EXPECT_EQ(row.row(0)[2], 9.0F);
 }
 
+TEST_F(MediaTest, ReadsCsvWithByteOrderMark) {
+  const Plane p = plane(2, 1);
+  write_bytes("a.csv",
+              "\xEF\xBB\xBF"
+              "1,2\r\n");
+  read_array(path("a.csv"), p);
+  EXPECT_EQ(p.row(0)[0], 1.0F);
+  EXPECT_EQ(p.row(0)[1], 2.0F);
+}
+
 TEST_F(MediaTest, RefusesDamagedArrays) {
   const Plane p = plane(3, 2);
   const auto said = [&](const std::string& name, const std::string& bytes) {
@@ -140,6 +150,8 @@ TEST_F(MediaTest, RefusesDamagedArrays) {
   says(said("a.npy", good.substr(0, 30)), "ends within its .npy header");
   says(said("a.npy", "hello"), "is not a .npy file");
   says(said("a.npy", npy<float>("<c8", "False", "(2, 3)", {1})), "'<c8'");
+  says(said("a.npy", npy<std::uint16_t>("<f2", "False", "(2, 3)", {1})),
+       "'<f2'; supported types: float32, float64, int8 to int64, uint8 to uint64 and bool");
   says(said("a.npy", npy<float>("<f4", "False", "(2, 3, 1)", {1})), "3 dimensions");
   says(said("a.npy", npy<float>("<f4", "False", "(99999999999999999999,)", {1})), "damaged shape");
   says(said("a.npy", npy<float>("<f4", "False", "", {1})), "shape");
@@ -197,6 +209,46 @@ TEST_F(MediaTest, ReadsPgmOfOtherScalesAndKinds) {
   read_image(path("a.pgm"), p);
   EXPECT_EQ(p.row(0)[0], 255.0F);
   EXPECT_EQ(p.row(0)[1], 0.0F);
+}
+
+std::string from_hex(std::string_view digits) {
+  std::string bytes;
+  for (std::size_t i = 0; i < digits.size(); i += 2)
+    bytes += static_cast<char>(std::stoi(std::string(digits.substr(i, 2)), nullptr, 16));
+  return bytes;
+}
+
+TEST_F(MediaTest, GreyLevelsDoNotDependOnTheFormat) {
+  const Plane p = plane(3, 1);
+  const auto levels = [&](const std::string& name, std::string_view digits) {
+    write_bytes(name, from_hex(digits));
+    read_image(path(name), p);
+    return std::vector<float>(p.row(0), p.row(0) + 3);
+  };
+  // Red, green and blue.
+  const std::vector<float> colours = levels("a.bmp",
+                                            "424d420000000000000036000000280000000300000001000000010018000000"
+                                            "00000c0000000000000000000000000000000000000"
+                                            "00000ff00ff00ff0000000000");
+  EXPECT_EQ(colours, (std::vector<float>{76, 149, 28}));
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d4948445200000003000000010802000000948283e30000000e49444154789c63f"
+                   "8cfc0c000c6000efb02fe091c16340000000049454e44ae426082"),
+            colours);
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d4948445200000003000000011002000000c4125fa00000000f49444154789c63f"
+                   "8ff9f010c10340038da05fbb95468940000000049454e44ae426082"),
+            colours);
+  // 0, 32896 and 65535 of 65535.
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d49484452000000030000000110000000006e1b972b0000000f49444154789c636"
+                   "0606868f8ff1f00068402ff4660deb60000000049454e44ae426082"),
+            (std::vector<float>{0, 128, 255}));
+  // 200 of any opacity.
+  EXPECT_EQ(levels("a.png",
+                   "89504e470d0a1a0a0000000d4948445200000003000000010804000000b1e9dc3f0000000f49444154789c633"
+                   "8c170a2e1c47f000be603d89138484d0000000049454e44ae426082"),
+            (std::vector<float>{200, 200, 200}));
 }
 
 TEST_F(MediaTest, RefusesDamagedPictures) {

@@ -60,6 +60,13 @@ TEST(Repl, RefusesValuesOutsideOfASlider) {
             "error: --set: 'gain' = 9 is not from 0 to 5\n9\n");
 }
 
+TEST(Repl, EntriesGoOnAfterTheEndOfAFrame) {
+  EXPECT_EQ(
+      run_repl_session("!register(A)\nfor(i, 1, 3)\nA = A + surface.tick\nprintln(i)\nsurface.step\nendfor\n"
+                       "sim.frame\nA\nsurface.tick\n"),
+      "1\n2\n3\n3 3 3\n3 3 3\n4\n");
+}
+
 TEST(Repl, Commands) {
   EXPECT_EQ(run_repl_session("!register(A)\nn = 2\nA = n\n:names\n:undo\n:names\n:list\n"),
             "A 3x2\nn = 2\nA 3x2\nn = 2\n!register(A)\nn = 2\n");

@@ -9,8 +9,26 @@
 #include <sstream>
 #include <string>
 
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/Lexer.h"
+#include "apron/syntax/SourceManager.h"
+
 namespace apron::syntax {
 namespace {
+
+bool lexes(const std::string& text) {
+  SourceManager sources;
+  Diagnostics diagnostics;
+  lex(sources, sources.add_file("", text, {}), diagnostics);
+  return diagnostics.empty();
+}
+
+// A layout that changes the tokens is not used; no text may have one.
+void expect_keeps_tokens(const std::string& text) {
+  if (lexes(text)) {
+    EXPECT_EQ(format_source(text), format_unchecked(text)) << text;
+  }
+}
 
 TEST(Format, SpacesTokens) {
   EXPECT_EQ(format_source("A=B+1\n"), "A = B + 1\n");
@@ -23,6 +41,8 @@ TEST(Format, SpacesTokens) {
   EXPECT_EQ(format_source("x=and(a,not(b))\n"), "x = and(a, not(b))\n");
   EXPECT_EQ(format_source("x=!a&&!b!=c\n"), "x = !a && !b != c\n");
   EXPECT_EQ(format_source("x=1.5e-3+0x1F-2.0f\n"), "x = 1.5e-3 + 0x1F - 2.0f\n");
+  EXPECT_EQ(format_source("x=a<<2>>b&c|~d^e\n"), "x = a << 2 >> b & c | ~d ^ e\n");
+  EXPECT_EQ(format_source("!operator( >> ,core.sub)\nx=( & & a)\n"), "!operator(>>, core.sub)\nx = (& &a)\n");
   EXPECT_EQ(format_source("!operator( - ,core.sub)\n!include( 'a  b.aps' )\n"),
             "!operator(-, core.sub)\n!include('a  b.aps')\n");
   EXPECT_EQ(format_source("plugin(?,3,$y)\n"), "plugin(?, 3, $y)\n");
@@ -68,6 +88,7 @@ TEST(Format, IsIdempotentOnEveryScript) {
       text << std::ifstream(entry.path()).rdbuf();
       const std::string once = format_source(text.str());
       EXPECT_EQ(format_source(once), once) << entry.path();
+      expect_keeps_tokens(text.str());
       const auto comments = [](const std::string& all) {
         std::string words;
         for (const char c : all)
@@ -84,9 +105,11 @@ TEST(Format, IsIdempotentOnEveryScript) {
 TEST(Format, IsIdempotentOnRandomTokens) {
   std::mt19937 rng(3);
   const std::vector<std::string> words = {
-      "a",  "if", "endif", "while", "endwhile", "(",   ")",      "[",     "]",   ",",     "=",
-      "+",  "-",  "*",     "!",     "not",      "and", "<=",     "!=",    "1.5", "'t x'", "$p",
-      ":l", "#m", "?",     "!if",   "\n",       "\n",  "// c\n", " \\\n", ":#n", "else",  ".5"};
+      "a",  "if", "endif", "while", "endwhile", "(",    ")",      "[",       "]",   ",",     "=",
+      "+",  "-",  "*",     "!",     "not",      "and",  "<=",     "!=",      "1.5", "'t x'", "$p",
+      ":l", "#m", "?",     "!if",   "\n",       "\n",   "// c\n", " \\\n",   ":#n", "else",  ".5",
+      "<<", ">>", "<",     ">",     ">=",       "==",   "&",      "|",       "^",   "~",     "&&",
+      "||", "##", "/",     "%",     "0x1F",     "2.0f", "1e-3",   "!include"};
   for (int round = 0; round < 3000; ++round) {
     std::string text;
     for (int i = 0; i < 12; ++i) {
@@ -95,6 +118,7 @@ TEST(Format, IsIdempotentOnRandomTokens) {
     }
     const std::string once = format_source(text);
     EXPECT_EQ(format_source(once), once) << text;
+    expect_keeps_tokens(text);
   }
 }
 

@@ -26,7 +26,7 @@ std::string words(const std::string& text, std::string* errors = nullptr) {
   return result;
 }
 
-float number(const std::string& text) {
+double number(const std::string& text) {
   SourceManager sources;
   Diagnostics diagnostics;
   const std::vector<Line> lines = lex(sources, sources.add_file("t.aps", text, {}), diagnostics);
@@ -62,6 +62,10 @@ TEST(Lexer, Numbers) {
   EXPECT_EQ(number("1.5e3"), 1500.0F);
   EXPECT_EQ(number("2E-2"), 0.02F);
   EXPECT_EQ(number("0xFf"), 255.0F);
+  EXPECT_EQ(number("0x1000001"), 16777217.0);
+  EXPECT_EQ(number("0x1FFFFFFFFFFFFF"), number("9007199254740991"));
+  EXPECT_EQ(number("0xFFFFFFFFFFFFFFFFF"), number("295147905179352825855"));
+  EXPECT_EQ(number("0x8000010000000000000"), number("37778936375320450170880"));
   EXPECT_EQ(number("1.25f"), 1.25F);
   EXPECT_EQ(number("1e-60"), 0.0F);
   EXPECT_EQ(number("1e-4000"), 0.0F);
