@@ -36,16 +36,23 @@ class FolderIoSystem final : public Assimp::DefaultIOSystem {
   explicit FolderIoSystem(fs::path folder) : folder_(std::move(folder)) {}
   bool Exists(const char* file) const override { return is_allowed(file) && DefaultIOSystem::Exists(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
+    if (outside_.empty() && !is_inside(file)) outside_ = file;
     return is_allowed(file) && mode[0] == 'r' ? DefaultIOSystem::Open(file, mode) : nullptr;
   }
+  // The first file outside of the folder that was asked for, or "". The importer then tries its base name.
+  const std::string& outside() const { return outside_; }
 
  private:
+  bool is_inside(const char* file) const {
+    std::error_code error;
+    return fs::weakly_canonical(file, error).parent_path() == folder_ && !error;
+  }
   bool is_allowed(const char* file) const {
     std::error_code error;
-    const fs::path real = fs::weakly_canonical(file, error);
-    return !error && real.parent_path() == folder_ && fs::is_regular_file(real, error);
+    return is_inside(file) && fs::is_regular_file(file, error);
   }
   fs::path folder_;
+  std::string outside_;
 };
 
 void check_extension(const fs::path& file) {
@@ -107,10 +114,18 @@ void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiM
   for (unsigned i = 0; i < node.mNumChildren; ++i) add(mesh, scene, *node.mChildren[i], pose);
 }
 
+// An OBJ may name materials anywhere, which are not read; of other formats it would be geometry.
+void check_references(const fs::path& file, std::string outside) {
+  if (outside.empty() || common::lower_case(file.extension().string()) == ".obj") return;
+  const std::string folder = file.parent_path().string() + "/";
+  if (outside.starts_with(folder)) outside.erase(0, folder.size());
+  refuse("refers to '" + outside + "', which is not in the mesh's folder");
+}
+
 TriangleMesh import_mesh(const fs::path& file) {
   Assimp::Importer importer;
-  importer.SetIOHandler(
-      new FolderIoSystem(fs::weakly_canonical(file).parent_path()));  // the importer takes ownership
+  auto* const files = new FolderIoSystem(fs::weakly_canonical(file).parent_path());
+  importer.SetIOHandler(files);  // takes ownership
   // Keep only positions; other attributes would split points that have several normals or texture
   // coordinates.
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
@@ -123,6 +138,7 @@ TriangleMesh import_mesh(const fs::path& file) {
   } catch (const std::exception& e) {
     refuse("cannot be read: " + one_line(e.what()));
   }
+  check_references(file, files->outside());
   if (scene == nullptr || scene->mRootNode == nullptr) {
     const std::string reason = importer.GetErrorString();
     refuse(reason == std::bad_alloc().what() ? kNeedsMemory : "cannot be read: " + one_line(reason));

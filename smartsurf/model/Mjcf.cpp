@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 #include <numbers>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,15 @@ namespace {
 constexpr double kDefaultDensity = 1000.0;  // MuJoCo's
 
 struct DefaultClass {
-  std::string parent;                       // "" for the outermost
-  std::map<std::string, Element> elements;  // by tag
+  std::string parent;                                    // "" for the outermost
+  std::map<std::string, std::vector<Element>> elements;  // by tag; attributes of later ones replace earlier
+};
+
+// An element of a body, in the frame that the <frame> elements between them give it.
+struct Placed {
+  Element element;
+  Pose frame;
+  std::string child_class;
 };
 
 struct Mesh {
@@ -60,22 +68,31 @@ class MjcfReader {
   explicit MjcfReader(const Element& mujoco) {
     model_.name = mujoco.text("model");
     classes_["main"];
-    for (const char* const tag : {"equality", "tendon", "include"})
-      if (const Element e = mujoco.child(tag))
-        if (e.is("include") || !e.children().empty())
-          e.refuse(e.is("include") ? "is not read: put the included elements into the file"
-                                   : "is not supported: only joints constrain the bodies");
+    for (const char* const tag : {"equality", "tendon"})
+      if (const Element e = mujoco.child(tag); e && !e.children().empty())
+        e.refuse("is not supported: only joints constrain the bodies");
+    refuse_generators(mujoco);
     for (const Element& e : mujoco.children("compiler")) read_compiler(e);
     for (const Element& e : mujoco.children("default")) read_defaults(e, "");
     for (const Element& e : mujoco.children("asset")) read_assets(e);
     for (const Element& e : mujoco.children("worldbody")) {
-      for (const Element& geom : e.children("geom")) add_fixed_geom(geom);
-      for (const Element& body : e.children("body")) add_body(body, {}, -1, "main");
+      for (const Placed& geom : placed_children(e, "geom", "main")) add_fixed_geom(geom);
+      for (const Placed& body : placed_children(e, "body", "main"))
+        add_body(body.element, body.frame, -1, body.child_class);
     }
   }
   Model take() { return std::move(model_); }
 
  private:
+  // Without the elements that they stand for, the model would be another one.
+  static void refuse_generators(const Element& e) {
+    for (const Element& child : e.children()) {
+      for (const char* const tag : {"include", "replicate", "attach", "composite", "flexcomp"})
+        if (child.is(tag)) child.refuse("is not read: write the elements that it stands for into the file");
+      refuse_generators(child);
+    }
+  }
+
   void read_compiler(const Element& e) {
     if (e.has("angle") && e.text("angle") != "degree" && e.text("angle") != "radian")
       e.refuse("angle='" + e.text("angle") + "': must be degree or radian");
@@ -94,11 +111,15 @@ class MjcfReader {
     const std::string name = parent.empty() && !e.has("class") ? "main" : e.required_text("class");
     DefaultClass& all = classes_[name];
     if (name != "main") all.parent = parent.empty() ? "main" : parent;
-    for (const Element& child : e.children())
-      if (child.is("default"))
+    std::set<std::string> tags;
+    for (const Element& child : e.children()) {
+      if (child.is("default")) {
         read_defaults(child, name);
-      else
-        all.elements.emplace(child.tag(), child);
+        continue;
+      }
+      if (!tags.insert(child.tag()).second) child.refuse("is found twice in a <default>: must be there once");
+      all.elements[child.tag()].push_back(child);
+    }
   }
 
   void read_assets(const Element& assets) {
@@ -115,13 +136,13 @@ class MjcfReader {
   Defaulted defaulted(const Element& e, const char* tag, const std::string& child_class) const {
     std::string name = e.has("class") ? e.text("class") : child_class;
     std::vector<Element> defaults;
-    while (!name.empty()) {
+    for (std::size_t steps = 0; !name.empty();) {
       const auto found = classes_.find(name);
       if (found == classes_.end()) e.refuse("class '" + name + "': there is no such class of defaults");
       if (const auto own = found->second.elements.find(tag); own != found->second.elements.end())
-        defaults.push_back(own->second);
+        defaults.insert(defaults.end(), own->second.rbegin(), own->second.rend());
       name = found->second.parent;
-      if (defaults.size() > classes_.size()) e.refuse("its class is its own ancestor");
+      if (++steps > classes_.size()) e.refuse("its class is its own ancestor");
     }
     return {e, std::move(defaults)};
   }
@@ -175,6 +196,26 @@ class MjcfReader {
 
   Pose read_pose(const Defaulted& e) const {
     return {e.vector("pos", Eigen::Vector3d::Zero()), read_orientation(e)};
+  }
+
+  // The children of that tag, also those in frames.
+  std::vector<Placed> placed_children(const Element& e, const char* tag,
+                                      const std::string& child_class) const {
+    std::vector<Placed> all;
+    add_placed_children(e, tag, child_class, {}, all);
+    return all;
+  }
+
+  void add_placed_children(const Element& e, const char* tag, const std::string& child_class,
+                           const Pose& frame, std::vector<Placed>& all) const {
+    for (const Element& child : e.children()) {
+      if (child.is(tag)) all.push_back({child, frame, child_class});
+      if (!child.is("frame")) continue;
+      if (const Element inertial = child.child("inertial"))
+        inertial.refuse("is in a <frame>: must be in the body itself");
+      add_placed_children(child, tag, child.has("childclass") ? child.text("childclass") : child_class,
+                          frame * read_pose({child, {}}), all);
+    }
   }
 
   Geometry read_geom(const Defaulted& e) const {
@@ -236,22 +277,24 @@ class MjcfReader {
   }
 
   // A geom of the world. A plane is the floor, which the table has.
-  void add_fixed_geom(const Element& e) {
-    const Defaulted geom = defaulted(e, "geom", "main");
+  void add_fixed_geom(const Placed& placed) {
+    const Element& e = placed.element;
+    const Defaulted geom = defaulted(e, "geom", placed.child_class);
     if (geom.text("type", "sphere") == "plane") return;
     Body& body = model_.bodies.emplace_back();
     body.where = e.where();
     body.names.push_back(name_of(e));
     body.fixed = true;
-    body.geometries.push_back(read_geom(geom));
+    Geometry& g = body.geometries.emplace_back(read_geom(geom));
+    g.pose = placed.frame * g.pose;
   }
 
   void add_body(const Element& e, const Pose& parent_pose, int parent, std::string child_class) {
     if (e.has("childclass")) child_class = e.text("childclass");
     if (e.text("mocap") == "true") e.refuse("mocap='true': is not supported");
     const Pose pose = parent_pose * read_pose({e, {}});
-    std::vector<Element> joints = e.children("joint");
-    const std::vector<Element> free = e.children("freejoint");
+    const std::vector<Placed> joints = placed_children(e, "joint", child_class);
+    const std::vector<Placed> free = placed_children(e, "freejoint", child_class);
     if (joints.size() + free.size() > 1)
       e.refuse("has " + std::to_string(joints.size() + free.size()) +
                " joints: must have at most one; put bodies between them");
@@ -270,16 +313,17 @@ class MjcfReader {
     body.names.push_back(name_of(e));
     const Element inertial = inertia_from_geom_ ? Element(nullptr, nullptr) : e.child("inertial");
     if (inertial) body.inertial = combined(body.inertial, transformed(local, read_inertial(inertial)));
-    for (const Element& geom : e.children("geom")) {
-      Geometry g = read_geom(defaulted(geom, "geom", child_class));
-      g.pose = local * g.pose;
+    for (const Placed& geom : placed_children(e, "geom", child_class)) {
+      Geometry g = read_geom(defaulted(geom.element, "geom", geom.child_class));
+      g.pose = local * geom.frame * g.pose;
       g.has_mass = !inertial;
       body.geometries.push_back(std::move(g));
     }
-    if (!free.empty() && parent >= 0) free[0].refuse("only a body of the world may be free");
-    for (const Element& joint : joints)
-      add_joint(defaulted(joint, "joint", child_class), pose, index, parent);
-    for (const Element& child : e.children("body")) add_body(child, pose, index, child_class);
+    if (!free.empty() && parent >= 0) free[0].element.refuse("only a body of the world may be free");
+    for (const Placed& joint : joints)
+      add_joint(defaulted(joint.element, "joint", joint.child_class), pose * joint.frame, index, parent);
+    for (const Placed& child : placed_children(e, "body", child_class))
+      add_body(child.element, pose * child.frame, index, child.child_class);
   }
 
   Inertial read_inertial(const Element& e) const {

@@ -9,14 +9,17 @@
 namespace smartsurf::model {
 namespace {
 
-constexpr std::size_t kMaxTextLength = 100, kMaxElements = 100'000, kMaxAttributes = 1000;
+constexpr std::size_t kMaxShownLength = 100, kMaxElements = 100'000, kMaxAttributes = 1000;
 
 std::string single_line(std::string_view text) {
-  std::string line(text.substr(0, kMaxTextLength));
+  std::string line(text);
   std::ranges::replace_if(
       line, [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
   return line;
 }
+
+// For messages.
+std::string shown(std::string_view text) { return single_line(text.substr(0, kMaxShownLength)); }
 
 std::size_t count_elements(const tinyxml2::XMLElement* element) {
   std::size_t count = 1;
@@ -51,8 +54,8 @@ std::size_t line_of_many_attributes(std::string_view text) {
 }  // namespace
 
 std::string Element::where() const {
-  const std::string name = text("name");
-  return *file_ + ":" + std::to_string(element_->GetLineNum()) + ": <" + single_line(tag()) +
+  const std::string name = shown(text("name"));
+  return *file_ + ":" + std::to_string(element_->GetLineNum()) + ": <" + shown(tag()) +
          (name.empty() ? ">" : " name='" + name + "'>");
 }
 
@@ -99,7 +102,7 @@ std::vector<double> Element::numbers(const char* attribute, std::size_t least, s
     numbers.push_back(number);
   }
   if (!valid || numbers.size() < least)
-    refuse(std::string(attribute) + "='" + text(attribute) + "': must be " +
+    refuse(std::string(attribute) + "='" + shown(text(attribute)) + "': must be " +
            (most == 1
                 ? "a number"
                 : (least == most ? "" : std::to_string(least) + " to ") + std::to_string(most) + " numbers"));
@@ -115,7 +118,7 @@ Eigen::Vector3d Element::vector(const char* attribute, const Eigen::Vector3d& ot
 double Element::uniform_scale() const {
   const Eigen::Vector3d scale = vector("scale", Eigen::Vector3d::Ones());
   if (scale.x() != scale.y() || scale.x() != scale.z() || !(scale.x() > 0.0))
-    refuse("scale='" + text("scale") + "': must be three times the same number greater than 0");
+    refuse("scale='" + shown(text("scale")) + "': must be three times the same number greater than 0");
   return scale.x();
 }
 

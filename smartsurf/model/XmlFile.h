@@ -30,7 +30,7 @@ class Element {
   std::vector<Element> children(const char* tag = nullptr) const;
 
   bool has(const char* attribute) const { return element_->Attribute(attribute) != nullptr; }
-  // The attribute in one line of at most 100 characters; "" if absent.
+  // The attribute in one line; "" if absent.
   std::string text(const char* attribute) const;
   std::string required_text(const char* attribute) const;
   // 1 … `most` finite numbers, at least `least`.

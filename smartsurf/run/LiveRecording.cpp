@@ -45,8 +45,17 @@ scene::SceneSpec scene_of(const Description& d) {
     pin.min_height = d.channels[height].minimum;
     pin.max_height = d.channels[height].maximum;
   }
-  for (const auto& [x, y, z] : d.positions)
+  std::vector<float>& base = spec.surface.base_heights;
+  for (const auto& [x, y, z] : d.positions) {
     spec.surface.cell_poses.push_back({static_cast<double>(x), static_cast<double>(y), 0.0});
+    base.push_back(z);
+  }
+  if (std::ranges::all_of(base, [](float z) { return z == 0.0F; })) base.clear();
+  if (!base.empty()) {
+    const auto [lowest, highest] = std::ranges::minmax(base);
+    pin.min_height += static_cast<double>(lowest);
+    pin.max_height += static_cast<double>(highest);
+  }
   spec.world.control_period_s = spec.world.dt_s = static_cast<double>(d.period_ns) * 1e-9;
   spec.record.objects = false;
   spec.record.sensors = scene::SensorRecording::kAlways;
@@ -252,11 +261,16 @@ class LiveRecording {
     end_s_ = snapshot_.time_s;
   }
 
-  // Sensed heights if the surface senses them, or else the commanded ones.
+  // Sensed heights if the surface senses them, or else the commanded ones, which count from the base.
   void set_heights() {
-    std::span<const float> from = sensors_.find("pin_height");
-    if (from.empty()) from = actuators_.find("height");
-    if (from.size() == snapshot_.height.size()) std::ranges::copy(from, snapshot_.height.begin());
+    std::vector<float>& to = snapshot_.height;
+    const std::vector<float>& base = spec_.surface.base_heights;
+    const std::span<const float> sensed = sensors_.find("pin_height"), commanded = actuators_.find("height");
+    if (!sensed.empty()) {
+      if (sensed.size() == to.size()) std::ranges::copy(sensed, to.begin());
+    } else if (commanded.size() == to.size()) {
+      for (std::size_t i = 0; i < to.size(); ++i) to[i] = commanded[i] + (base.empty() ? 0.0F : base[i]);
+    }
   }
 
   int close(Status end) {

@@ -57,10 +57,15 @@ void require_loading(const ScriptContext& context, const std::string& subject) {
 }
 
 void declare_once(ScriptContext& context, lua_State* L, const std::string& declaration) {
-  require_loading(context, declaration);
+  declare_once(context, L, declaration, declaration);
+}
+
+void declare_once(ScriptContext& context, lua_State* L, const std::string& declaration,
+                  const std::string& shown) {
+  require_loading(context, shown);
   const std::string location = context.interpreter->current_location(L);
   const auto [previous, is_new] = context.declared_at.emplace(declaration, location);
-  if (!is_new) throw ScriptError(declaration + ": already declared at " + previous->second);
+  if (!is_new) throw ScriptError(shown + ": already declared at " + previous->second);
 }
 
 }  // namespace smartsurf::script

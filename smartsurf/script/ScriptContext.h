@@ -144,7 +144,8 @@ void bind_kind(lua_State* L, const std::string& name, lua_CFunction declare, con
 void require_running(const ScriptContext&, const std::string& subject);
 // Throws ScriptError that begins with `subject` unless the script is loading.
 void require_loading(const ScriptContext&, const std::string& subject);
-// Throws ScriptError if `declaration` was made before; records its location otherwise.
+// Throws ScriptError if `declaration` was made before; records its location otherwise. Messages show `shown`.
 void declare_once(ScriptContext&, lua_State* L, const std::string& declaration);
+void declare_once(ScriptContext&, lua_State* L, const std::string& declaration, const std::string& shown);
 
 }  // namespace smartsurf::script

@@ -53,6 +53,16 @@ std::shared_ptr<shm_protocol::SurfaceName> reserve_surface(const std::string& na
   }
 }
 
+shm_protocol::SurfaceEndpoint create_described_surface(const shm_protocol::SurfaceConfig& config,
+                                                       const std::string& who) {
+  try {
+    return shm_protocol::SurfaceEndpoint::create(config);
+  } catch (const shm_protocol::Error& e) {
+    if (e.code() != shm_protocol::ErrorCode::kBadConfig) throw;
+    throw std::runtime_error(who + " cannot be a surface: " + e.what());
+  }
+}
+
 Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, EventLog::Print log)
     : options_(std::move(options)),
       stop_(stop),
@@ -160,7 +170,7 @@ void Bridge::create_surface() {
                                c.is_plain_u8() ? DType::kU8 : DType::kF32, c.components, c.unit,
                                static_cast<double>(c.minimum), static_cast<double>(c.maximum),
                                static_cast<double>(c.safe)});
-  surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
+  surface_.emplace(create_described_surface(config, "the device '" + device_->name + "'"));
   control_.emplace(options_.surface);
   actuators_.assign(link_.actuator_elements(), 0.0F);
   log_.add("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +

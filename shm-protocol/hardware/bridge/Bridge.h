@@ -65,6 +65,11 @@ std::string limits_text(const DeviceChannel&);
 // begins with `where` if the name is bad or in use, or shm_protocol::Error.
 std::shared_ptr<shm_protocol::SurfaceName> reserve_surface(const std::string& name, const std::string& where);
 
+// Throws std::runtime_error that begins with `who`, whose description it is, if that is of no surface; else
+// as create() does.
+shm_protocol::SurfaceEndpoint create_described_surface(const shm_protocol::SurfaceConfig&,
+                                                       const std::string& who);
+
 enum class Outcome { kDone, kStopped, kDeviceLost, kFailed };
 
 class Bridge {

@@ -206,6 +206,10 @@ DeviceLink::Event DeviceLink::add_channel(const ssw_channel2& channel) {
   if (const std::string fault = validate_channel(c); !fault.empty())
     return reject("channel " + std::to_string(c.index) + " '" + name + "' of the device: " + fault);
   const bool sensor = c.direction == SSW_SENSOR;
+  if (std::ranges::any_of(incoming_description_.channels, [&](const DeviceChannel& before) {
+        return before.name == name && before.sensor == sensor;
+      }))
+    return reject("channel " + std::to_string(c.index) + " '" + name + "' of the device: is named twice");
   const std::size_t elements =
       std::size_t{incoming_description_.rows} * incoming_description_.columns * c.components;
   std::size_t first = 0;

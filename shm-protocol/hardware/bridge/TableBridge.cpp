@@ -164,7 +164,7 @@ void TableBridge::create_surface() {
                                static_cast<double>(c.safe)});
   config.channels.push_back({"valid", Direction::kSensor, DType::kU8, 1, "", 0, 1, 0});
   config.channels.push_back({"age", Direction::kSensor, DType::kU8, 1, "ticks", 0, 255, 255});
-  surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
+  surface_.emplace(create_described_surface(config, "the boards of table '" + spec_.name + "'"));
   control_.emplace(config.name);
 
   shm_protocol::SurfaceConfig of_boards;

@@ -276,16 +276,18 @@ int exit_status(hardware::Outcome end) {
 
 void print_event(const std::string& line) { common::print_error_line("surface_bridge", line); }
 
-// Awaits a file that is yet to be written, as emulated boards do, like the boards themselves.
-hardware::TableSpec await_table(const Arguments& arguments) {
+// Awaits a file that is yet to be written, as emulated boards do, like the boards themselves. Returns nothing
+// if a signal ends the wait.
+std::optional<hardware::TableSpec> await_table(const Arguments& arguments) {
   const auto until = std::chrono::steady_clock::now() + arguments.bridge.connect_timeout;
   const auto& stop = common::catch_stop_signals();
   std::error_code none;
   if (!std::filesystem::exists(*arguments.table, none))
     print_event(*arguments.table + ": there is no such file yet; waiting for it");
-  while (!std::filesystem::exists(*arguments.table, none) && !stop.load() &&
-         std::chrono::steady_clock::now() < until)
+  while (!std::filesystem::exists(*arguments.table, none) && std::chrono::steady_clock::now() < until) {
+    if (stop.load()) return std::nullopt;
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
   return hardware::read_table(*arguments.table);
 }
 
@@ -301,10 +303,11 @@ int serve(const Arguments& arguments) {
     return recorded || status != common::kDone ? status : common::kFailed;
   };
   if (arguments.table) {
-    hardware::TableSpec table = await_table(arguments);
-    if (arguments.calibration) table.calibration = *arguments.calibration;
-    hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event);
-    start_recorder(arguments.bridge.surface.empty() ? table.name : arguments.bridge.surface);
+    std::optional<hardware::TableSpec> table = await_table(arguments);
+    if (!table) return exit_status(hardware::Outcome::kStopped);
+    if (arguments.calibration) table->calibration = *arguments.calibration;
+    hardware::TableBridge bridge(*table, arguments.bridge, common::catch_stop_signals(), print_event);
+    start_recorder(arguments.bridge.surface.empty() ? table->name : arguments.bridge.surface);
     const hardware::Outcome end = bridge.run();
     return finish(end, bridge.served(), bridge.report());
   }
@@ -320,9 +323,10 @@ void write_file(const std::filesystem::path& path, const std::string& text) {
 }
 
 int calibrate(const Arguments& arguments) {
-  const hardware::TableSpec table = await_table(arguments);
-  hardware::Calibrator calibrator(table, arguments.calibrator);
-  hardware::TableBridge bridge(table, arguments.bridge, common::catch_stop_signals(), print_event,
+  const std::optional<hardware::TableSpec> table = await_table(arguments);
+  if (!table) return exit_status(hardware::Outcome::kStopped);
+  hardware::Calibrator calibrator(*table, arguments.calibrator);
+  hardware::TableBridge bridge(*table, arguments.bridge, common::catch_stop_signals(), print_event,
                                &calibrator);
   const hardware::Outcome end = bridge.run();
   if (!calibrator.failure().empty()) {

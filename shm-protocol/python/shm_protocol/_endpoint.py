@@ -6,7 +6,7 @@ import numpy as np
 
 from . import _library as _c
 from ._arrays import DTYPES, Arrays, Handle, array_at
-from ._values import DIRECTIONS, MODES, Channel, Counters, Description, Error, Frame, NotFound, Result
+from ._values import DIRECTIONS, MODES, Channel, Counters, Description, Error, Frame, NotFound, Result, c_text
 
 _lib = _c.lib
 _SLICE_NS = 100_000_000  # waits return to Python this often, so that Ctrl-C works
@@ -42,7 +42,8 @@ class Endpoint:
     def _attach(self, name, timeout):
         pointer = ctypes.c_void_p()
         attach = getattr(_lib, f"ssp_{self._role}_attach")
-        check(in_slices(timeout, lambda ns: attach(name.encode(), ns, None, ctypes.byref(pointer)), Result.NOT_FOUND))
+        raw = c_text("name", name)
+        check(in_slices(timeout, lambda ns: attach(raw, ns, None, ctypes.byref(pointer)), Result.NOT_FOUND))
         self._name = name
         self._open(pointer.value)
 

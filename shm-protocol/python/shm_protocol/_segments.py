@@ -4,6 +4,7 @@ import dataclasses
 
 from . import _library as _c
 from ._endpoint import check, text
+from ._values import c_text
 
 _lib = _c.lib
 _OWNERSHIP = ("living", "orphan", "foreign")
@@ -34,4 +35,4 @@ def list_surfaces():
 
 def clean(prefix=""):
     """Removes the segments of dead surfaces and returns their names."""
-    return _segments(lambda *to: _lib.ssp_clean(prefix.encode(), *to))
+    return _segments(lambda *to: _lib.ssp_clean(c_text("prefix", prefix), *to))

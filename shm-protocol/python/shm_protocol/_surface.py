@@ -7,9 +7,15 @@ import numpy as np
 from . import _library as _c
 from ._arrays import DTYPES
 from ._endpoint import Endpoint, check, in_slices
-from ._values import DIRECTIONS, MODES, STATES, Error, Result
+from ._values import DIRECTIONS, MODES, STATES, Error, Result, c_text
 
 _lib = _c.lib
+
+
+def _require(holds, field, value, requirement):
+    """ctypes takes whole numbers modulo the width of the field: the library would see another number."""
+    if not holds:
+        raise Error(Result.BAD_CONFIG, f"{field} = {value}: must be {requirement}")
 
 
 class Surface(Endpoint):
@@ -28,10 +34,15 @@ class Surface(Endpoint):
             dtype = np.dtype(c.dtype)
             if dtype not in codes:
                 raise ValueError(f"channel {c.name}: dtype {dtype}: must be float32, uint32 or uint8")
-            spec.name, spec.unit = c.name.encode(), c.unit.encode()
+            _require(0 <= c.components <= 64, f"channel {c.name!r}: components", c.components, "1 to 64")
+            spec.name, spec.unit = c_text("channel", c.name), c_text(f"channel {c.name!r}: unit", c.unit)
             spec.direction, spec.dtype, spec.components = DIRECTIONS[c.direction], codes[dtype], c.components
             spec.minimum, spec.maximum, spec.safe = c.minimum, c.maximum, c.safe
-        config = _c.SurfaceConfig(name=name.encode(), rows=rows, columns=columns, pitch=pitch,
+        _require(1 <= rows <= 65536, "rows", rows, "1 to 65536")
+        _require(1 <= columns <= 65536, "columns", columns, "1 to 65536")
+        _require(0 <= slots <= 64, "slots", slots, "4, 8, 16, 32 or 64")
+        _require(0 < period * 1e9 < 2**64, "period", period, "greater than 0 and below 2^64 ns, in seconds")
+        config = _c.SurfaceConfig(name=c_text("name", name), rows=rows, columns=columns, pitch=pitch,
                                   period_ns=round(period * 1e9), mode=MODES[mode], slots=slots, channels=specs,
                                   channel_count=len(channels), safe_when_alone=bool(safe_when_alone))
         if positions is not None:
@@ -49,6 +60,8 @@ class Surface(Endpoint):
 
     def publish(self, tick, time, status=0):
         """Publishes the sensor arrays. Raises Error (OUT_OF_TURN) while the controller's answer is outstanding."""
+        if not (0 <= tick < 2**64 and 0 <= status < 2**32):
+            raise Error(Result.ARGUMENT, f"tick {tick}, status {status}: must be of 64 and of 32 bits")
         result = Result(self._call("publish", tick, time, status))
         if result != Result.OK:
             raise Error(result, "time-step: the frame before has not been answered")

@@ -47,6 +47,13 @@ class Error(RuntimeError):
         return 3
 
 
+def c_text(field, text):
+    """The text for the library, where it would end at a NUL."""
+    if "\0" in text:
+        raise Error(Result.BAD_CONFIG, f"{field} {text!r}: must not contain a NUL")
+    return text.encode()
+
+
 class NotFound(Error):
     """There is no such surface, or only a dead or closing one."""
 

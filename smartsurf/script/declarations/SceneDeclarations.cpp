@@ -80,7 +80,8 @@ int material(ScriptContext& context, lua_State* L) {
     m.look = check_choice(L, i, name, looks);
   });
   throw_if_invalid(validate(m));
-  declare_once(context, L, "material '" + to_single_line(m.name.substr(0, 60)) + "'");
+  declare_once(context, L, "material '" + m.name + "'",
+               "material '" + to_single_line(m.name.substr(0, 60)) + "'");
   auto& all = context.spec.materials;
   if (m.name == all[0].name) {
     all[0] = m;  // the predefined material "default" may be redefined

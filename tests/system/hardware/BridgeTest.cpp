@@ -1,15 +1,19 @@
 // surface_bridge and an emulated device: good lines, bad lines, silence, unplugging, ends.
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/ObserverEndpoint.h>
+#include <sys/socket.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "shm-protocol/hardware/fake/toy.h"
+#include "shm-protocol/hardware/firmware/wire.h"
 #include "tests/system/hardware/Program.h"
 
 namespace hardware {
@@ -239,6 +243,74 @@ TEST(Bridge, MissingDeviceExitsWithStatusThree) {
   EXPECT_EQ(never.wait(), 3);
   const std::string said = never.output();
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+}
+
+// A device of one row and column that describes itself once, with these sensors.
+class Describer {
+ public:
+  explicit Describer(const std::vector<std::pair<std::string, std::string>>& names_and_units) {
+    ssw_hello hello{SSW_VERSION, static_cast<std::uint8_t>(names_and_units.size()), 1, 1, 10'000, 1, 1, "d"};
+    std::uint8_t payload[SSW_CHANNEL_BYTES];
+    ssw_put_hello(&hello, payload);
+    add(SSW_HELLO, {payload, SSW_HELLO_BYTES});
+    for (std::uint8_t i = 0; const auto& [name, unit] : names_and_units) {
+      ssw_channel c{i++, SSW_SENSOR, SSW_U8, 1, 0, 1, 0, 1, 0, {}, {}};
+      name.copy(c.name, sizeof c.name);
+      unit.copy(c.unit, sizeof c.unit);
+      ssw_put_channel(&c, payload);
+      add(SSW_CHANNEL, {payload, SSW_CHANNEL_BYTES});
+    }
+    listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in where{
+        .sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
+    socklen_t size = sizeof where;
+    auto* const address = reinterpret_cast<sockaddr*>(&where);
+    EXPECT_EQ(::bind(listener_, address, size), 0);
+    EXPECT_EQ(::listen(listener_, 1), 0);
+    ::getsockname(listener_, address, &size);
+    port = "tcp:127.0.0.1:" + std::to_string(ntohs(where.sin_port));
+  }
+  ~Describer() { ::close(listener_); }
+  Describer(const Describer&) = delete;
+  Describer& operator=(const Describer&) = delete;
+
+  // Until the bridge leaves.
+  void serve() const {
+    const int line = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+    EXPECT_EQ(::send(line, bytes_.data(), bytes_.size(), MSG_NOSIGNAL), std::ssize(bytes_));
+    for (char byte; ::read(line, &byte, 1) > 0;) {
+    }
+    ::close(line);
+  }
+
+  std::string port;
+
+ private:
+  void add(std::uint8_t type, std::span<const std::uint8_t> payload) {
+    std::uint8_t encoded[SSW_MAX_ENCODED + 2];
+    const ssw_packet packet{type, sequence_++, 0, payload.data(), payload.size()};
+    bytes_.append(reinterpret_cast<const char*>(encoded), ssw_write(&packet, encoded));
+  }
+  int listener_ = -1;
+  std::uint8_t sequence_ = 0;
+  std::string bytes_;
+};
+
+TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
+  for (const auto& [channels, message] :
+       {std::pair<std::vector<std::pair<std::string, std::string>>, std::string>{{{"a b", ""}},
+                                                                                 "channel \"a b\""},
+        {{{"", ""}}, "channel \"\""},
+        {{{"a", std::string(16, 'u')}}, "unit \"uuuuuuuuuuuuuuuu\""},
+        {{{"a", ""}, {"a", ""}}, "channel 1 'a' of the device: is named twice"}}) {
+    const Describer device(channels);
+    Program bridge({SURFACE_BRIDGE, device.port, "--shm", surface_name("bridge-unusable")});
+    device.serve();
+    EXPECT_EQ(bridge.wait(), 1);
+    const std::string said = bridge.output();
+    EXPECT_NE(said.find(message), std::string::npos) << said;
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  }
 }
 
 TEST(Bridge, KilledControllerLeavesDeviceSafe) {

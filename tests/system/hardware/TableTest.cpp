@@ -165,6 +165,19 @@ TEST(Table, IsAwaited) {
   std::filesystem::remove(file);
 }
 
+TEST(Table, WaitForItEndsWithASignal) {
+  const std::string none = line_path("none") + ".toml", out = line_path("out") + ".toml";
+  for (const int number : {SIGINT, SIGTERM})
+    for (const std::vector<std::string>& words : {std::vector<std::string>{SURFACE_BRIDGE, "--table", none},
+                                                  {SURFACE_BRIDGE, "calibrate", none, "-o", out}}) {
+      Program bridge(words);
+      bridge.await_output("waiting for it");
+      bridge.signal(number);
+      EXPECT_EQ(bridge.wait(), 128 + number);
+      EXPECT_EQ(bridge.output().find("error"), std::string::npos) << bridge.output();
+    }
+}
+
 TEST(Table, StatusOfALongDeviceIsWhole) {
   const std::string name = surface_name("table-long"), file = line_path(name) + ".toml";
   Device device({"--pty", line_path(name) + std::string(180, 'x'), "--size", "4x4", "--period-ms", "20"});

@@ -1,5 +1,6 @@
 """smartsurf record: a recording of a surface that another process drives."""
 import signal
+import sys
 import time
 
 import h5py
@@ -82,6 +83,29 @@ class LiveRecordings(ProgramTest):
             self.assertGreater(len(shared), 30)
             for name in simulated["sensors"]:
                 numpy.testing.assert_array_equal(live["sensors"][name][:][a], simulated["sensors"][name][:][b], name)
+
+    def test_cells_have_their_places_and_bases(self):
+        sys.path.insert(0, str(ROOT / "shm-protocol/python"))
+        import shm_protocol
+        positions = numpy.array([[[0, 1, 0.5], [1.5, 1, 0]], [[0, 0, 2], [1.5, 0, -1]]], dtype="f4")
+        height = shm_protocol.Channel("height", 0, 4, 3)
+        for name, places in (("raised", positions), ("level", positions * numpy.array([1, 1, 0], "f4"))):
+            with shm_protocol.Surface(self.shm, 2, 2, 0.02, sensors=[shm_protocol.Channel("d")], actuators=[height],
+                                      positions=places, mode="passive") as surface:
+                recorder = self.record("--frames", "2", file=name + ".h5")
+                for tick in range(10000):
+                    surface.publish(tick, tick * 0.02)
+                    time.sleep(0.02)
+                    if recorder.poll() is not None:
+                        break
+            self.assertEqual(self.finish(recorder)[0], 0)
+            with self.read(name + ".h5") as f:
+                numpy.testing.assert_array_equal(f["surface/place"][..., :2], places[..., :2])
+                self.assertEqual("base" in f["surface"], name == "raised")
+                if name == "raised":
+                    numpy.testing.assert_array_equal(f["surface/base"][:], places[..., 2])
+            exported = self.run_program(SMARTSURF, "export", name + ".h5", "-o", name + ".html")
+            self.assertEqual(exported[0], 0, exported[2])
 
     def test_killed_recorder_leaves_a_readable_file(self):
         self.fake()

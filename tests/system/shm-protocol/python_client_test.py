@@ -288,6 +288,31 @@ class Ends(unittest.TestCase):
             Surface(unique("bad"), 0, 1, 1.0, SENSORS)
         self.assertIn("rows = 0", str(bad.exception))
 
+    def test_impossible_values_are_not_taken_modulo(self):
+        good = {"name": unique("modulo"), "rows": 1, "columns": 1, "period": 1.0, "sensors": SENSORS}
+        for field, values in {"rows": (2**32 + 2, -1), "columns": (2**32 + 2, -1), "slots": (2**32 + 4, -4),
+                              "period": (-1, 1e20, float("nan"), float("inf")),
+                              "name": (good["name"] + "\0x",)}.items():
+            for value in values:
+                with self.assertRaises(Error, msg=f"{field} = {value}") as bad:
+                    Surface(**{**good, field: value})
+                self.assertEqual(bad.exception.result, Result.BAD_CONFIG)
+                self.assertRegex(str(bad.exception), rf"^{field} .*: must ")
+        for channel, where in ((Channel("a", components=2**32 + 1), "components"), (Channel("a", components=-1), "components"),
+                               (Channel("a\0b"), "channel"), (Channel("a", unit="m\0m"), "unit")):
+            with self.assertRaises(Error, msg=where) as bad:
+                Surface(**{**good, "sensors": [channel]})
+            self.assertIn(where, str(bad.exception))
+        with Surface(**good) as surface:
+            for arguments in ((-1, 0.0), (2**64, 0.0), (0, 0.0, -1), (0, 0.0, 2**32)):
+                with self.assertRaises(Error, msg=arguments) as bad:
+                    surface.publish(*arguments)
+                self.assertEqual(bad.exception.result, Result.ARGUMENT)
+            for ask in (Controller, shm_protocol.Observer, shm_protocol.clean):
+                with self.assertRaises(Error, msg=ask) as bad:
+                    ask(good["name"] + "\0x")
+                self.assertIn("NUL", str(bad.exception))
+
     def test_leaving_is_told_to_the_other(self):
         surface, controller = pair("leave")
         self.assertTrue(surface.wait_for_controller(10))

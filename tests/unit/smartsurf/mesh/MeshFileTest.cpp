@@ -163,5 +163,23 @@ TEST_F(MeshFileTest, DoesNotReadOutsideFolder) {
   EXPECT_NE(error_message_of([&] { read_mesh(folder / "inner" / "part.gltf"); }), "");
 }
 
+// Without a word the importer would take the file of that base name beside the mesh.
+TEST_F(MeshFileTest, RefusesReferencesOutOfTheFolder) {
+  const std::string text = bytes_of(export_mesh(tetrahedron(), "gltf2", "part.gltf"));
+  const std::size_t at = text.find("part.bin");
+  ASSERT_NE(at, text.npos);
+  fs::create_directories(folder / "other");
+  fs::copy(folder / "part.bin", folder / "other" / "part.bin");
+  for (const std::string& uri :
+       {std::string("../part.bin"), std::string("other/part.bin"), std::string("%2e%2e/part.bin"),
+        (folder / "other" / "part.bin").string(), "file://" + (folder / "other" / "part.bin").string()}) {
+    const fs::path file = write("moved.gltf", std::string(text).replace(at, 8, uri));
+    EXPECT_EQ(error_message_of([&] { read_mesh(file); }),
+              "refers to '" + uri + "', which is not in the mesh's folder");
+  }
+  const std::string faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  EXPECT_EQ(read_mesh(write("m.obj", "mtllib ../m.mtl\n" + faces)).triangles.size(), 4U);
+}
+
 }  // namespace
 }  // namespace smartsurf::mesh

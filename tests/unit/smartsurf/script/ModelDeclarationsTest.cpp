@@ -170,6 +170,47 @@ TEST_F(ModelsTest, MjcfAnglesAreDegrees) {
   EXPECT_FALSE(spec.joints[1].limits);
 }
 
+// As in MuJoCo: sections of defaults are merged, the attributes of later ones replace those of earlier ones.
+TEST_F(ModelsTest, MjcfDefaultsAreMerged) {
+  const scene::SceneSpec spec =
+      scene_of("mjcf",
+               "<mujoco><default><geom type='box' size='1 1 1' density='7'/></default>"
+               "<default><geom density='2'/></default>"
+               "<default><default class='c'><geom size='2 2 2'/></default></default>"
+               "<worldbody><body><freejoint/><geom/></body>"
+               "<body pos='9 0 0' childclass='c'><freejoint/><geom/></body></worldbody></mujoco>");
+  EXPECT_NEAR(*spec.objects[0].mass, 2.0 * 8, 1e-9);
+  EXPECT_NEAR(*spec.objects[1].mass, 2.0 * 64, 1e-9);
+}
+
+// The numbers are MuJoCo's.
+TEST_F(ModelsTest, MjcfFramesPlaceTheirChildren) {
+  const scene::SceneSpec spec = scene_of("mjcf", R"(<mujoco>
+    <default><default class='heavy'><geom density='2'/></default></default>
+    <worldbody>
+      <frame pos='1 2 3' euler='0 0 90'>
+        <geom type='box' size='1 2 3' pos='4 0 0'/>
+        <body pos='1 0 0'>
+          <frame pos='0 0 1' euler='90 0 0' childclass='heavy'>
+            <joint axis='0 0 1' pos='0 1 0'/>
+            <frame><geom type='box' size='1 1 1' pos='1 0 0'/></frame>
+          </frame>
+        </body>
+      </frame>
+    </worldbody></mujoco>)");
+  ASSERT_EQ(spec.objects.size(), 2U);
+  const scene::ObjectSpec &wall = spec.objects[0], &body = spec.objects[1];
+  EXPECT_TRUE(wall.fixed);
+  EXPECT_LT((wall.position - Vector3d(1, 6, 3)).norm(), 1e-9);
+  EXPECT_LT((wall.orientation * Vector3d::UnitX() - Vector3d::UnitY()).norm(), 1e-9);
+  EXPECT_LT((body.position - Vector3d(1, 4, 4)).norm(), 1e-9);
+  EXPECT_LT((body.orientation * Vector3d::UnitY() - Vector3d::UnitZ()).norm(), 1e-9);
+  EXPECT_NEAR(*body.mass, 2.0 * 8, 1e-9);
+  ASSERT_EQ(spec.joints.size(), 1U);
+  EXPECT_LT((spec.joints[0].anchor - Vector3d(1, 3, 5)).norm(), 1e-9);
+  EXPECT_LT((spec.joints[0].axis - Vector3d(1, 0, 0)).norm(), 1e-9);
+}
+
 TEST_F(ModelsTest, ReturnsIdsByName) {
   write("m.xml",
         "<mujoco><worldbody><body name='p'><joint name='j'/><geom size='1'/>"
@@ -224,6 +265,17 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
             "2: <body>: has 2 joints: must have at most one; put bodies between them"},
            {"<worldbody><body><geom class='x' size='1'/></body></worldbody>",
             "2: <geom>: class 'x': there is no such class of defaults"},
+           {"<default class='a'><default class='a'/></default>"
+            "<worldbody><body childclass='a'>\n<freejoint/><geom size='1'/></body></worldbody>",
+            "3: <geom>: its class is its own ancestor"},
+           {"<default><geom size='1'/>\n<geom size='2'/></default>",
+            "3: <geom>: is found twice in a <default>: must be there once"},
+           {"<worldbody><body>\n<replicate count='2'><geom size='1'/></replicate></body></worldbody>",
+            "3: <replicate>: is not read: write the elements that it stands for into the file"},
+           {"<worldbody>\n<include file='a.xml'/></worldbody>",
+            "3: <include>: is not read: write the elements that it stands for into the file"},
+           {"<worldbody><body><frame>\n<inertial mass='1'/></frame></body></worldbody>",
+            "3: <inertial>: is in a <frame>: must be in the body itself"},
            {"<equality>\n<weld/></equality>",
             "2: <equality>: is not supported: only joints constrain the bodies"},
            {"<worldbody><body><joint type='ball' range='0 1'/><geom size='1'/></body></worldbody>",
@@ -236,6 +288,20 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
             "t.lua:2: the model has no bodies");
   EXPECT_EQ(error_of("surface{}\nurdf{file = 'n.xml', position = {0, 0, 0}}"),
             "t.lua:2: urdf.file: 'n.xml' does not exist");
+}
+
+// Messages show the first 100 characters.
+TEST_F(ModelsTest, NamesAreComparedAsAWhole) {
+  const std::string start(120, 'n');
+  const auto body = [&](const std::string& end) {
+    return "<body name='" + start + end + "' pos='" + end + " 0 0'><freejoint/><geom size='1'/></body>";
+  };
+  EXPECT_EQ(scene_of("mjcf", "<mujoco><worldbody>" + body("1") + body("9") + "</worldbody></mujoco>")
+                .objects.size(),
+            2U);
+  EXPECT_EQ(
+      mjcf_error("<worldbody>" + body("1") + body("1") + "</worldbody>"),
+      "t.lua:2: m.xml:2: <body name='" + start.substr(0, 100) + "'>: there is another body of that name");
 }
 
 // Deep, long and cut files end in one line.

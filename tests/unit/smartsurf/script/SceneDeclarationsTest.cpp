@@ -131,6 +131,15 @@ TEST_F(DeclarationTest, RedefinesDefaultMaterial) {
   EXPECT_EQ(e.scene().materials[0].friction, 0.9);
 }
 
+TEST_F(DeclarationTest, NamesAreComparedAsAWhole) {
+  const std::string start(100, 'm');
+  const std::string both =
+      "material{name = '" + start + "a'}\nmaterial{name = '" + start + "b', friction = 0.9}\n";
+  EXPECT_EQ(load_on_surface(both).scene().materials.size(), 3u);
+  EXPECT_EQ(error_of(both + "material{name = '" + start + "b'}"),
+            "t.lua:3: material '" + std::string(60, 'm') + "': already declared at t.lua:2");
+}
+
 TEST_F(DeclarationTest, AllShapesAndFields) {
   const Experiment e = load_on_surface(R"(
     material{name = 'steel', density = 7.8}
