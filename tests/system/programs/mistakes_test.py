@@ -188,6 +188,22 @@ class Mistakes(ProgramTest):
         self.assertTrue((self.folder / "link.json").is_symlink())
         self.assertEqual(json.loads((self.folder / "real.json").read_text())["ticks"], 1)
 
+    def test_stats_follow_what_was_written_to_a_redirected_stdout(self):
+        path = self.write("says.lua", TABLE + "on_finish(function() print('ran') end)\n")
+        run = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--stats"]
+        output = self.folder / "output.txt"
+        for mode in "w", "a":
+            for stdout in "/dev/stdout", "-":
+                output.write_text("old\n")
+                with open(output, mode) as file:
+                    file.write("before\n")
+                    file.flush()
+                    self.assertEqual(subprocess.run([*run, stdout], stdout=file, stderr=subprocess.DEVNULL).returncode, 0)
+                    os.write(file.fileno(), b"after\n")
+                before, _, text = output.read_text().rpartition("ran\n")
+                self.assertEqual(before, "before\n" if mode == "w" else "old\nbefore\n")
+                self.assertEqual(json.loads(text.removesuffix("after\n"))["ticks"], 1)
+
     def test_missing_apron_error_lists_searched_places(self):
         lonely = shutil.copy(SMARTSURF, self.folder / "smartsurf")
         child = subprocess.Popen([lonely, "run", SORT_LUA, "--controller", SORT_APS, "--ticks", "1"], text=True,
