@@ -1,6 +1,7 @@
 """Invalid input: one line on stderr, exit status 2, and no partial output files."""
 import re
 import resource
+import shlex
 import shutil
 
 from programs import *
@@ -296,13 +297,24 @@ class Mistakes(ProgramTest):
         for name in ("", "none/", "."):
             self.refused([SMARTSURF, "new", name], "must be a name")
 
+    def test_a_pair_whose_names_need_quotes(self):
+        (self.folder / "n w").mkdir()
+        status, out, err = self.run_program(SMARTSURF, "new", "n w/it's ä $b")
+        self.assertEqual((status, err), (0, ""))
+        command = shlex.split(out.splitlines()[1])
+        self.assertEqual(command, [SMARTSURF, "run", "n w/it's ä $b.lua", "--controller", "n w/it's ä $b.aps", "--until", "10", "--window"])
+        status, _, err = self.run_program(*command[:5], "--ticks", "5", "--record", "run.h5")
+        self.assertEqual(status, 0, err)
+        self.assertIn("program     n w/it's ä $b.aps", self.run_program(SMARTSURF, "info", "run.h5")[1])
+
     def test_waiting_names_the_program_beside_the_experiment(self):
-        self.run_program(SMARTSURF, "new", "mine")
-        surface = self.start(SMARTSURF, "run", "mine.lua", "--shm", self.shm, "--ticks", "2")
-        command = surface.stderr.readline().strip().partition("attach one with: ")[2]
-        self.assertRegex(command, rf"^(.*/)?apron run mine\.aps --shm {self.shm}$")  # without a folder where apron is on PATH
-        self.assertEqual(self.run_program(*command.split())[0], 0)
-        self.assertEqual(self.finish(surface)[0], 0)
+        for name, shown in ("mine", r"mine\.aps"), ("my own", r"'my own\.aps'"):
+            self.run_program(SMARTSURF, "new", name)
+            surface = self.start(SMARTSURF, "run", f"{name}.lua", "--shm", self.shm, "--ticks", "2")
+            command = surface.stderr.readline().strip().partition("attach one with: ")[2]
+            self.assertRegex(command, rf"^(.*/)?apron run {shown} --shm {self.shm}$")  # without a folder where apron is on PATH
+            self.assertEqual(self.run_program(*shlex.split(command))[0], 0)
+            self.assertEqual(self.finish(surface)[0], 0)
 
     def test_usage_lines_carry_the_program_name(self):
         for command in ([SMARTSURF, "run"], [SMARTSURF, "info"], [APRON, "check"]):
