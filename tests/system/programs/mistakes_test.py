@@ -104,6 +104,12 @@ class Mistakes(ProgramTest):
             self.refused([program, SORT_APS], f"the command comes first: apron run {SORT_APS}")
             self.refused([program, path], f"the command comes first: smartsurf run {path}")
         self.refused([APRON, "run", SORT_APS, "--tick", "5"], "did you mean '--ticks'?", "(see apron run --help)")
+        for flag in ("--until", "--stats", "--pace", "--controller", "--cells", "--picture-size", "--shm"):
+            self.refused([SMARTSURF, "run", path, flag, ""], f"{flag}: must not be empty (see smartsurf run --help)")
+        self.refused([SMARTSURF, "compare", path, "--until", ""], "--until: must not be empty")
+        self.refused([APRON, "run", SORT_APS, "--shm", ""], "--shm: must not be empty (see apron run --help)")
+        self.refused([str(BIN / "shm_dump"), self.shm, "--channel", ""], "--channel: must not be empty")
+        self.refused([str(BIN / "surface_bridge"), "/dev/null", "--shm", ""], "--shm: must not be empty")
         self.refused(run + ["--close"], "--close", "needs --window")
         self.refused(run + ["--camera", "1,2,3"], "--camera 1,2,3", "X,Y,Z:X,Y,Z")
         self.refused(run + ["--camera", "0,0,1:0,0,5"], "--camera 0,0,1:0,0,5", "the lower point")
