@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,7 +20,8 @@ struct Flag {
 };
 
 // Calls `read` of each flag that is given; the operands begin at optind. Stops at one without a `read` and
-// returns its name, and "?" at one that is not known or lacks its value; otherwise the name is empty.
+// returns its name, and "?" at one that is not known or lacks its value; otherwise the name is empty. Throws
+// std::invalid_argument for a value that is required and empty.
 inline std::string_view read_flags(int argc, char** argv, const std::vector<Flag>& flags) {
   constexpr int kFirst = 256;  // beyond all letters
   std::vector<option> known;
@@ -34,6 +36,8 @@ inline std::string_view read_flags(int argc, char** argv, const std::vector<Flag
         flags, [&](const Flag& f) { return f.letter == found || &f - flags.data() == found - kFirst; });
     if (flag == flags.end()) return "?";
     if (!flag->read) return flag->name;
+    if (flag->argument == required_argument && *::optarg == '\0')
+      throw std::invalid_argument(std::string("--") + flag->name + ": must not be empty");
     flag->read(::optarg);
   }
   return {};

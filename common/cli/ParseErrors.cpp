@@ -68,6 +68,15 @@ std::string describe_unknown_argument(const CLI::App& app, const CLI::App& comma
 
 }  // namespace
 
+void refuse_empty_values(CLI::App& app) {
+  const auto refuse = [](const std::string& value) {
+    return value.empty() ? std::string("must not be empty") : std::string();
+  };
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    for (CLI::Option* option : command->get_options())
+      if (option->nonpositional() && option->get_expected_min() > 0) option->check(refuse);
+}
+
 std::string describe_parse_error(const CLI::App& app, const CLI::ParseError& error, int argc,
                                  const char* const* argv) {
   const auto parsed = app.get_subcommands();

@@ -1,4 +1,4 @@
-// The messages of command-line errors, for programs with subcommands. Includes no CLI11 header.
+// The command-line errors of programs with subcommands, and their messages. Includes no CLI11 header.
 #pragma once
 
 #include <string>
@@ -9,6 +9,9 @@ class ParseError;
 }  // namespace CLI
 
 namespace common {
+
+// Makes an empty value of any flag of the commands an error. Call it when all are added.
+void refuse_empty_values(CLI::App& app);
 
 // One line for an error of app.parse(argc, argv): what is wrong, the flag or command that was probably meant,
 // and the help page of the command that was typed:

@@ -4,6 +4,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
+#include <cstdio>
 #include <optional>
 #include <string>
 
@@ -17,21 +19,47 @@ namespace fs = std::filesystem;
 
 std::error_code last_error() { return {errno, std::generic_category()}; }
 
+std::error_code write_all(int file, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(file, bytes.data(), bytes.size());
+    if (n > 0)
+      bytes.remove_prefix(n);
+    else if (n < 0 && errno != EINTR)
+      return last_error();
+  }
+  return {};
+}
+
 std::error_code write_all(const fs::path& path, std::string_view bytes, int creation, unsigned mode) {
   // A named pipe that nobody reads is an error: the call would wait for a reader.
   const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | creation, mode);
   if (file < 0) return errno == ENXIO ? std::make_error_code(std::errc::broken_pipe) : last_error();
   std::error_code error;
   if (::fcntl(file, F_SETFL, 0) != 0) error = last_error();
-  while (!bytes.empty() && !error) {
-    const ssize_t n = ::write(file, bytes.data(), bytes.size());
-    if (n > 0)
-      bytes.remove_prefix(n);
-    else if (n < 0 && errno != EINTR)
-      error = last_error();
-  }
+  if (!error) error = write_all(file, bytes);
   if (::close(file) != 0 && !error) error = last_error();
   return error;
+}
+
+// The open descriptor that a path stands for. Opened by its path, a redirected stream would start anew at the
+// beginning of its file.
+std::optional<int> descriptor_of(const std::string& path) {
+  if (path == "/dev/stdout") return STDOUT_FILENO;
+  if (path == "/dev/stderr") return STDERR_FILENO;
+  for (const std::string_view folder : {"/dev/fd/", "/proc/self/fd/"}) {
+    if (!path.starts_with(folder)) continue;
+    const char* const end = path.data() + path.size();
+    int descriptor = 0;
+    const auto [rest, error] = std::from_chars(path.data() + folder.size(), end, descriptor);
+    if (error == std::errc() && rest == end) return descriptor;
+  }
+  return std::nullopt;
+}
+
+// After what the program has printed.
+std::error_code append_to(int descriptor, std::string_view bytes) {
+  if (descriptor == STDOUT_FILENO && std::fflush(stdout) != 0) return last_error();
+  return write_all(descriptor, bytes);
 }
 
 }  // namespace
@@ -47,6 +75,7 @@ fs::path part_of(const fs::path& path) { return path.string() + ".part" + std::t
 
 std::error_code replace_file(const fs::path& path, std::string_view bytes) {
   if (const std::error_code refusal = withheld(path)) return refusal;
+  if (const std::optional<int> descriptor = descriptor_of(path)) return append_to(*descriptor, bytes);
   if (is_special_file(path)) return write_all(path, bytes, O_TRUNC, 0666);
   std::error_code error;
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);

@@ -9,7 +9,8 @@ namespace common {
 
 // Writes `bytes` to a temporary file beside `path` and renames it. On failure the old file stays and nothing
 // is left behind. The new file has the permissions of the old one, which must be writable. A device, a pipe
-// or a symbolic link (/dev/stdout) is written in place: it must not be replaced by a file.
+// or a symbolic link is written in place: it must not be replaced by a file. A path of an open descriptor
+// (/dev/stdout, /dev/fd/3) is written to that descriptor.
 [[nodiscard]] std::error_code replace_file(const std::filesystem::path& path, std::string_view bytes);
 
 // The temporary file.

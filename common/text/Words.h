@@ -1,9 +1,11 @@
-// Lists of words, and words in lower case.
+// Lists of words, words in lower case, and words of a shell.
 #pragma once
 
+#include <algorithm>
 #include <cctype>
 #include <functional>
 #include <string>
+#include <string_view>
 
 namespace common {
 
@@ -19,6 +21,20 @@ std::string join(const Elements& elements, TextOf text_of = {}) {
 inline std::string lower_case(std::string text) {
   for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return text;
+}
+
+// As a user types it for one argument of a command: quoted, unless all of its characters stand for
+// themselves.
+inline std::string shell_word(const std::string& text) {
+  const auto is_plain = [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return byte >= 0x80 || std::isalnum(byte) != 0 ||
+           std::string_view("_-./+,:@%").find(c) != std::string_view::npos;
+  };
+  if (!text.empty() && std::ranges::all_of(text, is_plain)) return text;
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
 }
 
 }  // namespace common

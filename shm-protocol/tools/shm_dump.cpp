@@ -266,6 +266,9 @@ int main(int argc, char** argv) {
   } catch (const UserError& e) {
     common::print_error_line("shm_dump", e.what());
     return common::kUserError;
+  } catch (const std::invalid_argument& e) {
+    common::print_error_line("shm_dump", e.what());
+    return common::kUserError;
   } catch (const Error& e) {
     common::print_error_line("shm_dump", e.what());
     return exit_status_of(e);

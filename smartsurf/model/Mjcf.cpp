@@ -80,6 +80,11 @@ class MjcfReader {
       for (const Placed& body : placed_children(e, "body", "main"))
         add_body(body.element, body.frame, -1, body.child_class);
     }
+    if (inertia_from_geom_ != "false") return;
+    for (const Body& body : model_.bodies)
+      if (!body.fixed && !(body.inertial.mass > 0.0))
+        throw scene::InputError(body.where +
+                                ": has no mass: give it an <inertial>, or leave out inertiafromgeom='false'");
   }
   Model take() { return std::move(model_); }
 
@@ -102,7 +107,9 @@ class MjcfReader {
     if (euler_sequence_.size() != 3 || euler_sequence_.find_first_not_of("xyzXYZ") != std::string::npos)
       e.refuse("eulerseq='" + euler_sequence_ + "': must be three of x, y, z, X, Y, Z");
     if (e.text("autolimits") == "false") autolimits_ = false;
-    if (e.text("inertiafromgeom") == "true") inertia_from_geom_ = true;
+    if (e.has("inertiafromgeom")) inertia_from_geom_ = e.text("inertiafromgeom");
+    if (inertia_from_geom_ != "false" && inertia_from_geom_ != "true" && inertia_from_geom_ != "auto")
+      e.refuse("inertiafromgeom='" + inertia_from_geom_ + "': must be false, true or auto");
     for (const char* const folder : {"assetdir", "meshdir"})
       if (e.has(folder)) mesh_folder_ = e.text(folder);
   }
@@ -311,12 +318,14 @@ class MjcfReader {
     }
     Body& body = model_.bodies[index];
     body.names.push_back(name_of(e));
-    const Element inertial = inertia_from_geom_ ? Element(nullptr, nullptr) : e.child("inertial");
+    const std::vector<Placed> geoms = placed_children(e, "geom", child_class);
+    const bool replaces_inertial = inertia_from_geom_ == "true" && !geoms.empty();
+    const Element inertial = replaces_inertial ? Element(nullptr, nullptr) : e.child("inertial");
     if (inertial) body.inertial = combined(body.inertial, transformed(local, read_inertial(inertial)));
-    for (const Placed& geom : placed_children(e, "geom", child_class)) {
+    for (const Placed& geom : geoms) {
       Geometry g = read_geom(defaulted(geom.element, "geom", geom.child_class));
       g.pose = local * geom.frame * g.pose;
-      g.has_mass = !inertial;
+      g.has_mass = !inertial && inertia_from_geom_ != "false";
       body.geometries.push_back(std::move(g));
     }
     if (!free.empty() && parent >= 0) free[0].element.refuse("only a body of the world may be free");
@@ -376,8 +385,8 @@ class MjcfReader {
   }
 
   double angle_unit_ = std::numbers::pi / 180.0;
-  std::string euler_sequence_ = "xyz", mesh_folder_;
-  bool autolimits_ = true, inertia_from_geom_ = false;
+  std::string euler_sequence_ = "xyz", mesh_folder_, inertia_from_geom_ = "auto";
+  bool autolimits_ = true;
   std::map<std::string, DefaultClass> classes_;
   std::map<std::string, Mesh> meshes_;
   std::map<std::string, Element> materials_;

@@ -37,7 +37,7 @@ class EpisodeRecording {
     record::RunMetadata meta;
     meta.command_line = command_line;
     meta.mode = "time-step";
-    meta.driver = "controller";
+    meta.driver = environment.has_controller() ? "controller" : "python";
     for (const auto& [name, value] : overrides) meta.overrides.push_back({name, value});
     meta.varied = environment.simulation().nuisances();
     meta.declares_success = environment.experiment().declares_success();

@@ -52,10 +52,10 @@ struct LiveRow {
 // What a recording stores about a run besides its SceneSpec.
 struct RunMetadata {
   std::string command_line;
-  std::string mode;                  // "time-step" or "passive"
-  std::string program_file;          // the controller's program as given by the user; "" if there is none
-  std::string program_text;          // its source
-  std::string driver;                // what sets the actuators: "script" or "controller"
+  std::string mode;          // "time-step" or "passive"
+  std::string program_file;  // the controller's program as given by the user; "" if there is none
+  std::string program_text;  // its source
+  std::string driver;        // what sets the actuators: "script", "controller", or "python" and the script
   std::vector<NamedText> overrides;  // --set NAME=VALUE, in order
   bool unsafe = false;               // --unsafe
   // The experiment declares success(). nullopt: a version recorded it that did not store this.

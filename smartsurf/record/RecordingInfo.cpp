@@ -1,7 +1,10 @@
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <iomanip>
 #include <map>
+#include <span>
 #include <sstream>
 
 #include "common/text/Printable.h"
@@ -73,39 +76,46 @@ std::string physics_text(const Recording& recording) {
                 world.unit ? concat(", 1 u = 1 ", world.unit->name) : "");
 }
 
-// A range of lengths: "radius 4 u", "widths 1 to 2 u".
+// A range of lengths: "4", "1 to 2".
 struct Extent {
   double min = INFINITY, max = 0.0;
   void add(double value) {
     min = std::min(min, value);
     max = std::max(max, value);
   }
-  std::string text(const char* singular, const char* plural) const {
-    return min == max ? concat(singular, ' ', min, " u") : concat(plural, ' ', min, " to ", max, " u");
-  }
+  bool is_one() const { return min == max; }
+  std::string text() const { return is_one() ? concat(min) : concat(min, " to ", max); }
 };
 
-// True if the object's footprint is a circle of its radius.
-bool has_radius(const scene::ObjectSpec& object) {
-  return object.shape != scene::ShapeKind::kBox && object.shape != scene::ShapeKind::kSolid;
+// "radius 4 u", "sizes 1 to 2 × 5 × 1 u"; empty if there is no length.
+std::string lengths_text(std::span<const Extent> extents, const char* singular, const char* plural) {
+  std::string text;
+  for (const Extent& extent : extents) {
+    if (extent.min > extent.max) return "";
+    text += (text.empty() ? "" : " × ") + extent.text();
+  }
+  return concat(std::ranges::all_of(extents, &Extent::is_one) ? singular : plural, ' ', text, " u");
 }
 
-// "40: 20 'large' (sphere, radius 4 u), 20 'small' (sphere, radius 2 u)". Objects without a radius have a
-// width, the mean of their horizontal edges.
+// "40: 20 'large' (sphere, radius 4 u), 20 'small' (box, size 1 × 5 × 1 u)". Solids have a width, the mean of
+// the horizontal edges of their bounding box.
 std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
   struct LabelGroup {
     std::map<std::string, bool> shapes;
-    Extent radius, width;
-    bool has_radius = true;
+    std::array<Extent, 1> radius, width;
+    std::array<Extent, 3> size;
     int count = 0;
   };
   std::map<std::string, LabelGroup> kinds;
   for (const scene::ObjectSpec& object : catalogue) {
     LabelGroup& kind = kinds[object.label];
     kind.shapes[shape_name(object.shape)] = true;
-    kind.radius.add(object.radius);
-    kind.width.add(2.0 * object_size(object));
-    kind.has_radius &= has_radius(object);
+    if (object.shape == scene::ShapeKind::kSolid)
+      kind.width[0].add(2.0 * object_size(object));
+    else if (object.shape != scene::ShapeKind::kBox)
+      kind.radius[0].add(object.radius);
+    else
+      for (int axis = 0; axis < 3; ++axis) kind.size[axis].add(object.size[axis]);
     ++kind.count;
   }
   std::string all = concat(catalogue.size());
@@ -113,8 +123,13 @@ std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
     all += (&kind == &kinds.begin()->second ? ": " : ", ") + concat(kind.count, ' ');
     all += label.empty() ? "unlabelled" : "'" + label + "'";
     all += " (";
-    for (const auto& [shape, yes] : kind.shapes) all += shape + ", ";
-    all += (kind.has_radius ? kind.radius.text("radius", "radii") : kind.width.text("width", "widths")) + ")";
+    std::vector<std::string> facts;
+    for (const auto& [shape, yes] : kind.shapes) facts.push_back(shape);
+    for (const std::string& lengths :
+         {lengths_text(kind.radius, "radius", "radii"), lengths_text(kind.size, "size", "sizes"),
+          lengths_text(kind.width, "width", "widths")})
+      if (!lengths.empty()) facts.push_back(lengths);
+    all += common::join(facts) + ")";
   }
   return all;
 }

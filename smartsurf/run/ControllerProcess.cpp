@@ -19,6 +19,7 @@
 #include "common/files/Installation.h"
 #include "common/process/Supervisor.h"
 #include "common/text/Printable.h"
+#include "common/text/Words.h"
 #include "smartsurf/run/PythonModule.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -88,9 +89,11 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   _exit(2);
 }
 
-// Not a command.
+// Not a command, unless a file has its text for a name.
 bool is_file_name(const std::string& controller, std::string_view extension) {
-  return controller.ends_with(extension) && controller.find_first_of(" \t;|&<>$") == std::string::npos;
+  std::error_code ignored;
+  return controller.ends_with(extension) && (controller.find_first_of(" \t;|&<>$") == std::string::npos ||
+                                             fs::is_regular_file(controller, ignored));
 }
 
 }  // namespace
@@ -161,8 +164,9 @@ std::string program_beside(const std::string& experiment) {
 
 std::string attach_command(const std::string& experiment, const std::string& shm_name, bool with_window) {
   const std::string program = program_beside(experiment);
-  return fmt::format("{} run {} --shm {}{}", typed_name(apron_executable()),
-                     program.empty() ? "PROGRAM.aps" : program, shm_name, with_window ? " --window" : "");
+  return fmt::format("{} run {} --shm {}{}", common::shell_word(typed_name(apron_executable())),
+                     program.empty() ? "PROGRAM.aps" : common::shell_word(program),
+                     common::shell_word(shm_name), with_window ? " --window" : "");
 }
 
 }  // namespace smartsurf::run

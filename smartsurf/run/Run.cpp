@@ -121,7 +121,7 @@ void Run::open_recordings() {
   meta.command_line = options_.command_line;
   meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
   meta.program_file = options_.controller;
-  if (options_.controller.ends_with(".aps")) meta.program_text = read_program(options_.controller);
+  if (is_apron_program(options_.controller)) meta.program_text = read_program(options_.controller);
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
   meta.varied = simulation_.nuisances();

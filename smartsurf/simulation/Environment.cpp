@@ -133,7 +133,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
 void Environment::start_simulation() {
   failed_ = false;
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
-                                             /*scripted_actuators=*/options_.controller == nullptr);
+                                             /*scripted_actuators=*/!has_controller());
   engine_version_ = simulation_->engine().version();
   simulation_->complete_snapshots_when_asked();
   if (options_.controller) {

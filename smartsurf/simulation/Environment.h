@@ -103,6 +103,7 @@ class Environment {
   // ends the episode: truncated, and nothing moves any more. `prefetched`: memory that the caller will need
   // next, which is fetched meanwhile.
   StepResult step(std::span<const std::byte> prefetched = {});
+  bool has_controller() const { return options_.controller != nullptr; }
   // The values that the controller has set in the latest step: channels × rows × columns; empty without one.
   std::span<const float> controller_targets() const;
   // Runs on_finish, whose metrics are final; once per episode.

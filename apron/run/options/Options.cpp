@@ -464,6 +464,7 @@ ParsedOptions parse_options(int argc, char** argv) {
   add_value(server, "--size", raw.size, "WxH", "size of the surface for which programs are compiled [64x64]");
   server.add_flag("--stdio", raw.uses_standard_streams, "the default; for editors that say so");
   try {
+    common::refuse_empty_values(app);
     app.parse(argc, argv);
     if (!raw.size.empty()) parse_size(raw);
     if (run.parsed()) validate_run_options(raw);

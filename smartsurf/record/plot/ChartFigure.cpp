@@ -23,7 +23,9 @@ Rgba color_of(const ChartSpec& spec, Index layer) {
   return spec.layers[layer].color.value_or(kLineColours[layer % std::ssize(kLineColours)]);
 }
 
-// The range of the layers' values, with a margin.
+bool is_bar(const ChartLayer& layer) { return layer.mark == Mark::kBar; }
+
+// The range of the layers' values, with a margin. Bars begin at zero.
 Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double> ChartLayer::*values) {
   if (axis.domain) return {(*axis.domain)[0], (*axis.domain)[1], axis.title, axis.log, axis.categories};
   if (!axis.categories.empty())
@@ -43,10 +45,13 @@ Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double>
     return {std::pow(10.0, first), std::pow(10.0, std::max(last, first + 1.0)), axis.title, true};
   }
   if (!is_y) return {low, std::max(high, low + 1e-3), axis.title};
+  const bool has_bars = std::ranges::any_of(spec.layers, is_bar);
+  if (has_bars) low = std::min(low, 0.0), high = std::max(high, 0.0);
   // Start at zero if the values still fill more than half of the axis.
   if (low > 0.0 && low < 0.5 * high) low = 0.0;
   const double margin = high > low ? 0.04 * (high - low) : std::max(0.5, 0.1 * std::abs(high));
-  return {low - (low == 0.0 ? 0.0 : margin), high + margin, axis.title};
+  const bool hangs = has_bars && high == 0.0 && low < 0.0;
+  return {low - (low == 0.0 ? 0.0 : margin), high + (hangs ? 0.0 : margin), axis.title};
 }
 
 PlotArea make_area(const ChartSpec& spec) {
@@ -111,9 +116,12 @@ void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const R
 }
 
 void ChartFigure::Panel::draw_bars(cairo_t* cr) const {
-  const auto is_bar = [](const ChartLayer& layer) { return layer.mark == Mark::kBar; };
-  const double bar =
-      kGroupWidth / std::max(1.0, static_cast<double>(std::ranges::count_if(spec.layers, is_bar)));
+  const auto layers = std::ranges::count_if(spec.layers, is_bar);
+  if (layers == 0) return;
+  const PlotArea& area = axes.area();
+  const auto y_inside = [&](double value) { return std::clamp(axes.py(value), area.top, area.bottom()); };
+  const double base = spec.y.log ? area.bottom() : y_inside(0.0);
+  const double bar = kGroupWidth / static_cast<double>(layers);
   double offset = -0.5 * kGroupWidth;
   for (Index i = 0; i < std::ssize(spec.layers); ++i) {
     if (!is_bar(spec.layers[i])) continue;
@@ -123,12 +131,14 @@ void ChartFigure::Panel::draw_bars(cairo_t* cr) const {
       if (!std::isfinite(values[k])) continue;
       const double left = axes.px(static_cast<double>(k) + offset);
       const double right = axes.px(static_cast<double>(k) + offset + bar);
-      const double top = axes.py(values[k]);
-      cairo_rectangle(cr, left + 0.5, top, right - left - 1.0, std::max(0.0, axes.area().bottom() - top));
+      cairo_rectangle(cr, left + 0.5, base, right - left - 1.0, y_inside(values[k]) - base);
     }
     cairo_fill(cr);
     offset += bar;
   }
+  if (base <= area.top || base >= area.bottom()) return;
+  set_pen(cr, kBlack);
+  record::draw_line(cr, area.left, base, area.right(), base);
 }
 
 void ChartFigure::Panel::draw_rule(cairo_t* cr) const {

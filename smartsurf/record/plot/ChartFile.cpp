@@ -1,6 +1,7 @@
 #include "smartsurf/record/plot/ChartFile.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <limits>
@@ -138,6 +139,19 @@ ChartLayer read_layer(const json& object, const std::string& name) {
   return layer;
 }
 
+// An axis of decades shows numbers above 0.
+void require_shown(const std::vector<ChartLayer>& layers, std::vector<double> ChartLayer::*values,
+                   const ChartAxis& axis, const std::string& place) {
+  if (!axis.log || !axis.categories.empty()) return;
+  bool has_values = false;
+  for (const ChartLayer& layer : layers)
+    for (const double value : layer.*values) {
+      if (value > 0.0) return;
+      has_values |= std::isfinite(value);
+    }
+  if (has_values) fail(place + ".scale = 'log': must be linear, because no value is above 0");
+}
+
 ChartSpec read_chart(const json& object, const std::string& name) {
   const Fields fields(object, name, {"title", "subtitle", "width", "height", "x", "y", "layers"});
   ChartSpec chart;
@@ -156,6 +170,8 @@ ChartSpec read_chart(const json& object, const std::string& name) {
   for (const json& layer : *layers)
     chart.layers.push_back(
         read_layer(layer, fields.place("layers[" + std::to_string(chart.layers.size()) + "]")));
+  require_shown(chart.layers, &ChartLayer::x, chart.x, fields.place("x"));
+  require_shown(chart.layers, &ChartLayer::y, chart.y, fields.place("y"));
   const ChartLayer& first = chart.layers.front();
   if (first.mark == ChartLayer::Mark::kRect) {
     if (!chart.x.domain) chart.x.domain = {-0.5, static_cast<double>(first.values.front().size()) - 0.5};

@@ -54,6 +54,7 @@ int parse_and_run(int argc, const char* const* argv) {
                                                           {"identify", add_identify_command(app)},
                                                           {"fmu", add_fmu_command(app)},
                                                           {"demo", add_demo_command(app, run_arguments)}};
+  common::refuse_empty_values(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -8,6 +8,7 @@
 
 #include "common/process/ExitStatus.h"
 #include "common/text/Printable.h"
+#include "common/text/Words.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/scene/SceneSpec.h"
@@ -61,10 +62,12 @@ int new_command(const std::string& name) {
   }
   replace_output_file("new", experiment.string(), kExperiment);
   replace_output_file("new", program.string(), kProgram);
-  common::print_output(fmt::format(
-      "wrote {0} and {1}; run them with\n"
-      "  {2} run {0} --controller {1} --until 10 --window\n",
-      experiment.string(), program.string(), program_invocation_name));  // as the user has called it
+  common::print_output(
+      fmt::format("wrote {} and {}; run them with\n"
+                  "  {} run {} --controller {} --until 10 --window\n",
+                  experiment.string(), program.string(),
+                  common::shell_word(program_invocation_name),  // as the user has called it
+                  common::shell_word(experiment.string()), common::shell_word(program.string())));
   return common::kDone;
 }
 

@@ -32,7 +32,6 @@ namespace {
 // The flags of `run` as given on the command line, before validation.
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video, record_registers;
-  bool records_registers = false;  // --record-registers was given
   bool window = false, headless = false, paused = false, close = false, no_controller = false, unsafe = false,
        help = false, allow_extensions = false;
   std::vector<std::string> set, vary, controller_set, record, screenshot;
@@ -108,7 +107,6 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
       ->allow_extra_args(false);
   app.add_option("--record-registers", flags.record_registers,
                  "With --record FILE.h5: also these registers of the APRON program, such as A,B, or all")
-      ->each([&flags](const std::string&) { flags.records_registers = true; })
       ->type_name("NAMES");
   app.add_option("--stats", flags.stats, "Write statistics of the run as JSON (-: to standard output)")
       ->type_name("FILE.json");
@@ -154,10 +152,9 @@ script::Experiment load_silently(const RunFlags& flags) {
 std::shared_ptr<ShownRegisters> shown_registers(const RunFlags& flags) {
   constexpr std::string_view kPrefix = view::kRegisterPrefix;
   const bool draws = flags.render.cells.starts_with(kPrefix);
+  const bool records = !flags.record_registers.empty();
   const char* const flag = draws ? "--cells apron:NAME" : "--record-registers";
-  if (flags.records_registers && flags.record_registers.empty())
-    throw scene::InputError("--record-registers: names no register, such as A,B, or all");
-  if (!draws && !flags.records_registers) return nullptr;
+  if (!draws && !records) return nullptr;
   if (!is_apron_program(flags.controller))
     throw scene::InputError(
         fmt::format("{}: needs --controller PROGRAM.aps, whose registers it shows", flag));
@@ -165,11 +162,10 @@ std::shared_ptr<ShownRegisters> shown_registers(const RunFlags& flags) {
     throw scene::InputError(
         fmt::format("{}: needs --mode time-step, in which the table waits for the program", flag));
   if (flags.worlds > 0) throw scene::InputError(fmt::format("{}: cannot be combined with --worlds", flag));
-  if (flags.records_registers &&
-      std::ranges::none_of(flags.record, [](const auto& file) { return !file.ends_with(".csv"); }))
+  if (records && std::ranges::none_of(flags.record, [](const auto& file) { return !file.ends_with(".csv"); }))
     throw scene::InputError("--record-registers: needs --record FILE.h5, in which they are recorded");
   const std::string drawn = draws ? flags.render.cells.substr(kPrefix.size()) : "";
-  if (drawn.empty() && !flags.records_registers) return nullptr;
+  if (drawn.empty() && !records) return nullptr;
   return std::make_shared<ShownRegisters>(flags.record_registers, drawn);
 }
 

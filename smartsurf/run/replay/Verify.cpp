@@ -252,17 +252,21 @@ VerificationResult verify(const record::Recording& recording, int threads, const
   script::Experiment experiment = reload_experiment(recording, allowed, output_folder, stop);
   require_extensions(recording, /*may_be_missing=*/false);
   require_regular_ticks(recording, experiment.scene());
-  const bool scripted = recording.meta().driver == "script";
-  simulation::Simulation simulation(experiment, threads, scripted);
+  // What Python and the script commanded together is in the recorded inputs, which come after the script.
+  const std::string& driver = recording.meta().driver;
+  const bool has_inputs = driver != "script";
+  simulation::Simulation simulation(experiment, threads,
+                                    /*scripted_actuators=*/!has_inputs || driver == "python");
   require_same_physics(recording, simulation);
-  if (!scripted) require_matching_inputs(recording, simulation);
+  if (has_inputs) require_matching_inputs(recording, simulation);
   evaluate(experiment, simulation.snapshot());
   VerificationResult result;
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
     while (simulation.snapshot().tick < recording.ticks()[frame]) {
       const std::uint64_t next = simulation.snapshot().tick + 1;
-      if (!scripted && next >= recording.input_tick_count()) return result;  // the run was killed
-      run_tick(experiment, simulation, scripted ? std::nullopt : std::optional(recording.read_inputs(next)));
+      if (has_inputs && next >= recording.input_tick_count()) return result;  // the run was killed
+      run_tick(experiment, simulation,
+               has_inputs ? std::optional(recording.read_inputs(next)) : std::nullopt);
       if ((result.interrupted = stop)) return result;
     }
     progress(simulation.snapshot().time_s);

@@ -1,6 +1,7 @@
 """Invalid input: one line on stderr, exit status 2, and no partial output files."""
 import re
 import resource
+import shlex
 import shutil
 
 from programs import *
@@ -103,6 +104,12 @@ class Mistakes(ProgramTest):
             self.refused([program, SORT_APS], f"the command comes first: apron run {SORT_APS}")
             self.refused([program, path], f"the command comes first: smartsurf run {path}")
         self.refused([APRON, "run", SORT_APS, "--tick", "5"], "did you mean '--ticks'?", "(see apron run --help)")
+        for flag in ("--until", "--stats", "--pace", "--controller", "--cells", "--picture-size", "--shm"):
+            self.refused([SMARTSURF, "run", path, flag, ""], f"{flag}: must not be empty (see smartsurf run --help)")
+        self.refused([SMARTSURF, "compare", path, "--until", ""], "--until: must not be empty")
+        self.refused([APRON, "run", SORT_APS, "--shm", ""], "--shm: must not be empty (see apron run --help)")
+        self.refused([str(BIN / "shm_dump"), self.shm, "--channel", ""], "--channel: must not be empty")
+        self.refused([str(BIN / "surface_bridge"), "/dev/null", "--shm", ""], "--shm: must not be empty")
         self.refused(run + ["--close"], "--close", "needs --window")
         self.refused(run + ["--camera", "1,2,3"], "--camera 1,2,3", "X,Y,Z:X,Y,Z")
         self.refused(run + ["--camera", "0,0,1:0,0,5"], "--camera 0,0,1:0,0,5", "the lower point")
@@ -187,6 +194,22 @@ class Mistakes(ProgramTest):
         self.assertEqual(self.run_program(*run, "link.json")[0], 0)
         self.assertTrue((self.folder / "link.json").is_symlink())
         self.assertEqual(json.loads((self.folder / "real.json").read_text())["ticks"], 1)
+
+    def test_stats_follow_what_was_written_to_a_redirected_stdout(self):
+        path = self.write("says.lua", TABLE + "on_finish(function() print('ran') end)\n")
+        run = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--stats"]
+        output = self.folder / "output.txt"
+        for mode in "w", "a":
+            for stdout in "/dev/stdout", "-":
+                output.write_text("old\n")
+                with open(output, mode) as file:
+                    file.write("before\n")
+                    file.flush()
+                    self.assertEqual(subprocess.run([*run, stdout], stdout=file, stderr=subprocess.DEVNULL).returncode, 0)
+                    os.write(file.fileno(), b"after\n")
+                before, _, text = output.read_text().rpartition("ran\n")
+                self.assertEqual(before, "before\n" if mode == "w" else "old\nbefore\n")
+                self.assertEqual(json.loads(text.removesuffix("after\n"))["ticks"], 1)
 
     def test_missing_apron_error_lists_searched_places(self):
         lonely = shutil.copy(SMARTSURF, self.folder / "smartsurf")
@@ -280,13 +303,24 @@ class Mistakes(ProgramTest):
         for name in ("", "none/", "."):
             self.refused([SMARTSURF, "new", name], "must be a name")
 
+    def test_a_pair_whose_names_need_quotes(self):
+        (self.folder / "n w").mkdir()
+        status, out, err = self.run_program(SMARTSURF, "new", "n w/it's ä $b")
+        self.assertEqual((status, err), (0, ""))
+        command = shlex.split(out.splitlines()[1])
+        self.assertEqual(command, [SMARTSURF, "run", "n w/it's ä $b.lua", "--controller", "n w/it's ä $b.aps", "--until", "10", "--window"])
+        status, _, err = self.run_program(*command[:5], "--ticks", "5", "--record", "run.h5")
+        self.assertEqual(status, 0, err)
+        self.assertIn("program     n w/it's ä $b.aps", self.run_program(SMARTSURF, "info", "run.h5")[1])
+
     def test_waiting_names_the_program_beside_the_experiment(self):
-        self.run_program(SMARTSURF, "new", "mine")
-        surface = self.start(SMARTSURF, "run", "mine.lua", "--shm", self.shm, "--ticks", "2")
-        command = surface.stderr.readline().strip().partition("attach one with: ")[2]
-        self.assertRegex(command, rf"^(.*/)?apron run mine\.aps --shm {self.shm}$")  # without a folder where apron is on PATH
-        self.assertEqual(self.run_program(*command.split())[0], 0)
-        self.assertEqual(self.finish(surface)[0], 0)
+        for name, shown in ("mine", r"mine\.aps"), ("my own", r"'my own\.aps'"):
+            self.run_program(SMARTSURF, "new", name)
+            surface = self.start(SMARTSURF, "run", f"{name}.lua", "--shm", self.shm, "--ticks", "2")
+            command = surface.stderr.readline().strip().partition("attach one with: ")[2]
+            self.assertRegex(command, rf"^(.*/)?apron run {shown} --shm {self.shm}$")  # without a folder where apron is on PATH
+            self.assertEqual(self.run_program(*shlex.split(command))[0], 0)
+            self.assertEqual(self.finish(surface)[0], 0)
 
     def test_usage_lines_carry_the_program_name(self):
         for command in ([SMARTSURF, "run"], [SMARTSURF, "info"], [APRON, "check"]):

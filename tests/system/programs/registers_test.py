@@ -97,7 +97,7 @@ class Registers(ProgramTest):
         self.assertEqual(status, 2, err)
         self.assertIn("--record-registers: the program has no register 'HH'", err)
         status, _, err = self.run_program(*controlled, "--record", "x.h5", "--record-registers", "")
-        self.assertEqual((status, err), (2, "smartsurf: --record-registers: names no register, such as A,B, or all\n"))
+        self.assertEqual((status, err), (2, "smartsurf: --record-registers: must not be empty (see smartsurf run --help)\n"))
 
     @needs_view
     def test_messages_name_the_option_that_was_given(self):

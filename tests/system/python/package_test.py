@@ -269,6 +269,22 @@ class Recordings(ExperimentTest):
                     s.reset(1)
                     s.record(self.folder / "one.txt")
 
+    def test_a_script_that_commands_its_actuators_is_repeated(self):
+        text = """surface { rows = 5, columns = 5, actuator = pin { range = {0, 3} } }
+sphere { radius = 1, position = {2, 2, 4} }
+on_tick(function(t)
+  for row = 1, 5 do for column = 1, COLUMNS do cells:target('height', row, column, 1 + math.sin(4 * t + column)) end end
+end)"""
+        for columns in 5, 2:  # with fewer, Python commands the others
+            s = smartsurf.Simulation(self.script(text.replace("COLUMNS", str(columns))), seed=4)
+            s.record(self.folder / "self.h5")
+            for tick in range(30):
+                s.step(1 + tick % 3) if columns < 5 else s.step()
+            s.stop_recording()
+            verified = self.verify(self.folder / "self.h5")
+            self.assertEqual(verified.returncode, 0, verified.stderr)
+            self.assertIn("identical in 31 frames", verified.stdout)
+
     def test_a_changed_recording_and_an_intervention_are_not_verified(self):
         s = smartsurf.Simulation(self.script(CROWD), seed=3)
         for change in (lambda: s.teleport(0, velocity=(1, 0, 0)), lambda: s.push(1, force=(0, 0, 9)),

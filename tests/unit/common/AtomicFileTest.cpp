@@ -104,4 +104,20 @@ TEST(AtomicFile, WritesLinksAndDevicesInPlace) {
   EXPECT_EQ(replace_file("/dev/full", "x"), std::errc::no_space_on_device);
 }
 
+TEST(AtomicFile, WritesToOpenDescriptorsWhereTheyStand) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.txt";
+  for (const int append : {0, O_APPEND}) {
+    std::ofstream(path) << "old ";
+    const int file = ::open(path.c_str(), O_WRONLY | append);
+    ASSERT_EQ(::lseek(file, 0, SEEK_END), 4);
+    for (const char* const descriptors : {"/dev/fd/", "/proc/self/fd/"})
+      EXPECT_FALSE(replace_file(descriptors + std::to_string(file), "new "));
+    ASSERT_EQ(::write(file, "end", 3), 3);
+    ::close(file);
+    EXPECT_EQ(content(path), "old new new end");
+  }
+  EXPECT_EQ(replace_file("/dev/fd/-1", "x"), std::errc::bad_file_descriptor);
+}
+
 }  // namespace

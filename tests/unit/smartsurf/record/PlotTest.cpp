@@ -282,6 +282,31 @@ TEST_F(ChartFile, BarsOnLogarithmicAxis) {
   EXPECT_TRUE(image.is_orange(chart.px(1.2), chart.py(500.0)));
 }
 
+TEST_F(ChartFile, BarsBeginAtZero) {
+  const auto draw_bars = [this](const std::string& values) {
+    draw(R"({"x": {"categories": ["a", "b", "c"]}, "layers": [{"mark": "bar", "color": "#0000ff", "y": )" +
+         values + "}]}");
+  };
+  for (const auto& [values, first] :
+       {std::pair{"[-10, -11, -13]", -10.0}, {"[50, 51, 52]", 50.0}, {"[-1, 0, 2]", -1.0}}) {
+    draw_bars(values);
+    const Image image(out / "figure.png");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    const Chart& chart = figure.chart();
+    ASSERT_GE(chart.py(0.0), chart.area().top - 1e-9) << values;
+    ASSERT_LE(chart.py(0.0), chart.area().bottom() + 1e-9) << values;
+    for (const double share : {0.05, 0.5, 0.95})
+      EXPECT_TRUE(image.is_blue(chart.px(0.0), chart.py(share * first))) << values << ": " << share;
+    for (const double share : {-0.05, 1.05})
+      EXPECT_FALSE(image.is_blue(chart.px(0.0), chart.py(share * first))) << values << ": " << share;
+  }
+  const Image image(out / "figure.png");
+  const ChartFigure figure = read_chart_file(out / "chart.json");
+  const Chart& chart = figure.chart();
+  EXPECT_TRUE(image.is_blue(chart.px(2.0), chart.py(1.9)));
+  EXPECT_FALSE(image.is_blue(chart.px(2.0), chart.py(-0.1)));
+}
+
 TEST_F(ChartFile, PanelsOfImagesAndLines) {
   draw(R"({"title": "All", "columns": 2, "panels": [
     {"layers": [{"mark": "rect", "values": [[0, 1], [1, 1]], "colors": ["#0000ff", "#ff7700"], "labels": ["no", "yes"]}]},
@@ -313,6 +338,14 @@ TEST_F(ChartFile, MistakesAreNamed) {
       "panels[0].layers[0].values holds 1: there is no such colour");
   EXPECT_EQ(error_of(R"({"width": 1e9, "layers": [{"mark": "bar"}]})"),
             "width and height: must be from 150 to 5000");
+  EXPECT_EQ(error_of(R"({"y": {"scale": "log"}, "layers": [{"mark": "line", "x": [1, 2], "y": [-1, 0]}]})"),
+            "y.scale = 'log': must be linear, because no value is above 0");
+  EXPECT_EQ(
+      error_of(
+          R"({"panels": [{"x": {"scale": "log"}, "layers": [{"mark": "point", "x": [-1], "y": [1]}]}]})"),
+      "panels[0].x.scale = 'log': must be linear, because no value is above 0");
+  EXPECT_EQ(error_of(R"({"y": {"scale": "log"}, "layers": [{"mark": "point", "x": [1, 2], "y": [-1, 1]}]})"),
+            "");
 }
 
 TEST(Chart, RoundTickValues) {

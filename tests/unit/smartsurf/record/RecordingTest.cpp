@@ -259,7 +259,7 @@ TEST(Recording, Describe) {
         "command     smartsurf run scripts/experiment.lua --seed 7\n", "experiment  scripts/experiment.lua\n",
         "program     sort.aps\n", "count = 3, speed = 0.5", "seed        18446744073709551601\n",
         "time-step mode", "4 rows × 6 columns, pitch 2 u", "border 5 u",
-        "objects     3: 1 unlabelled (box, width 1.5 u), 1 'large' (cylinder, radius 4 u), 1 'small' "
+        "objects     3: 1 unlabelled (box, size 1 × 2 × 3 u), 1 'large' (cylinder, radius 4 u), 1 'small' "
         "(sphere, "
         "radius 2 u)",
         "frames      100, ticks 0 to 99, 0 s to 1.65 s, every tick", "done after 100 ticks, 1.5 s simulated",

@@ -211,6 +211,26 @@ TEST_F(ModelsTest, MjcfFramesPlaceTheirChildren) {
   EXPECT_LT((spec.joints[0].axis - Vector3d(1, 0, 0)).norm(), 1e-9);
 }
 
+// As MuJoCo does. A body without a mass may be welded to one that has it, or be fixed.
+TEST_F(ModelsTest, MjcfInertiaIsTheGeomsOrTheInertials) {
+  const std::string body =
+      "<body pos='9 0 0'><freejoint/><inertial pos='0 0 0' mass='2' diaginertia='1 1 1'/>"
+      "<geom size='1' mass='5'/><body><geom size='1' pos='1 0 0' mass='7'/></body></body>";
+  for (const auto& [source, mass] : {std::pair{"true", 12.0}, {"auto", 9.0}, {"false", 2.0}}) {
+    const scene::SceneSpec spec =
+        scene_of("mjcf", "<mujoco><compiler inertiafromgeom='" + std::string(source) +
+                             "'/><worldbody><body><geom size='1'/></body>" + body + "</worldbody></mujoco>");
+    ASSERT_EQ(spec.objects.size(), 2U) << source;
+    EXPECT_TRUE(spec.objects[0].fixed);
+    EXPECT_EQ(spec.objects[1].mass, mass) << source;
+  }
+  const scene::SceneSpec without_geoms = scene_of(
+      "mjcf",
+      "<mujoco><compiler inertiafromgeom='true'/><worldbody><body><freejoint/><geom size='1' mass='5'/>"
+      "<body><inertial pos='0 0 0' mass='2' diaginertia='1 1 1'/></body></body></worldbody></mujoco>");
+  EXPECT_EQ(without_geoms.objects[0].mass, 7.0);
+}
+
 TEST_F(ModelsTest, ReturnsIdsByName) {
   write("m.xml",
         "<mujoco><worldbody><body name='p'><joint name='j'/><geom size='1'/>"
@@ -276,6 +296,11 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
             "3: <include>: is not read: write the elements that it stands for into the file"},
            {"<worldbody><body><frame>\n<inertial mass='1'/></frame></body></worldbody>",
             "3: <inertial>: is in a <frame>: must be in the body itself"},
+           {"<compiler inertiafromgeom='maybe'/>",
+            "2: <compiler>: inertiafromgeom='maybe': must be false, true or auto"},
+           {"<compiler inertiafromgeom='false'/><worldbody>\n<body name='b'><freejoint/>"
+            "<geom size='1' mass='3'/></body></worldbody>",
+            "3: <body name='b'>: has no mass: give it an <inertial>, or leave out inertiafromgeom='false'"},
            {"<equality>\n<weld/></equality>",
             "2: <equality>: is not supported: only joints constrain the bodies"},
            {"<worldbody><body><joint type='ball' range='0 1'/><geom size='1'/></body></worldbody>",
