@@ -3,9 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -17,6 +15,7 @@
 #include "common/cli/Flags.h"
 #include "common/process/ExitStatus.h"
 #include "common/process/StandardStreams.h"
+#include "common/process/StopSignals.h"
 #include "common/process/Termination.h"
 #include "common/text/Number.h"
 #include "common/text/Printable.h"
@@ -49,7 +48,8 @@ constexpr const char* kHelp = R"(shm_dump - show the shared memory between a sur
   -V, --version              version
 
 It maps the segment read-only and never slows or disturbs either side.
-Exit status: 0 done, 1 failed, 2 wrong input, 3 no such surface, or it died.
+Exit status: 0 done, 1 failed, 2 wrong input, 3 no such surface, or it died, 128 + n after
+signal n.
 )";
 
 struct Options {
@@ -63,8 +63,6 @@ struct Options {
 struct UserError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-
-std::atomic<bool> stop{false};
 
 double parse_number(const char* option, const char* text, double minimum) {
   double value = 0;
@@ -188,7 +186,7 @@ class RateMeter {
 
 void pause_for(double seconds) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (!stop && std::chrono::steady_clock::now() < end)
+  while (!common::stop_flag() && std::chrono::steady_clock::now() < end)
     std::this_thread::sleep_for(
         std::min<std::chrono::duration<double>>(50ms, end - std::chrono::steady_clock::now()));
 }
@@ -196,7 +194,7 @@ void pause_for(double seconds) {
 int show(Options& o) {
   const auto wait =
       std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(o.wait_s));
-  auto observer = ObserverEndpoint::attach(o.name, {.timeout = wait, .stop = &stop});
+  auto observer = ObserverEndpoint::attach(o.name, {.timeout = wait, .stop = &common::stop_flag()});
   check_channels(o, observer.description());
   RateMeter meter(observer);
   const bool repaint = o.follow && !o.json && ::isatty(STDOUT_FILENO) != 0;
@@ -214,7 +212,7 @@ int show(Options& o) {
       common::print_error_line("shm_dump", o.name + ": " + text(ended));
       return ended == Status::kSurfaceDead ? common::kPeerLost : common::kDone;
     }
-    if (!o.follow || stop || (o.count && samples >= o.count)) return common::kDone;
+    if (!o.follow || common::stop_flag() || (o.count && samples >= o.count)) return common::kDone;
   }
 }
 
@@ -252,15 +250,12 @@ int exit_status_of(const Error& e) {
 int main(int argc, char** argv) {
   common::open_standard_streams();
   const common::Termination termination("shm_dump");
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop = true; };
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
+  common::catch_stop_signals();
   try {
     std::optional<Options> o = parse(argc, argv);
     if (o) fit_to_terminal(*o);
     const int status = !o ? common::kDone : o->list ? list(*o) : o->clean ? clean(*o) : show(*o);
-    if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return status;
+    if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return common::status_after_signals(status);
     common::print_error_line("shm_dump", "cannot write the output");
     return common::kFailed;
   } catch (const UserError& e) {
@@ -270,6 +265,7 @@ int main(int argc, char** argv) {
     common::print_error_line("shm_dump", e.what());
     return common::kUserError;
   } catch (const Error& e) {
+    if (e.code() == ErrorCode::kInterrupted) return common::status_after_signals(common::kDone);
     common::print_error_line("shm_dump", e.what());
     return exit_status_of(e);
   } catch (const std::exception& e) {

@@ -27,13 +27,20 @@ void FileAccess::require_readable(const std::string& file) const {
     return !real_folder.empty() && is_within(real, real_folder);
   });
   if (allowed) return;
-  const fs::path folder = fs::path(file).parent_path();
-  throw_refused(file, "is outside the program's folder; --allow " + (folder.empty() ? "." : folder.string()) +
+  fs::path folder = fs::path(file).parent_path();
+  if (folder.empty()) folder = ".";
+  // Through a link the file lies in another folder than its name says.
+  if (!real.empty() && common::real_path(folder) != real.parent_path()) folder = real.parent_path();
+  throw_refused(file, "is outside the program's folder; --allow " + folder.string() +
                           " on the command line permits it");
 }
 
 void FileAccess::require_writable(const std::string& file) const {
   require_readable(file);
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (folders_ && fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
+    throw_refused(file, "is not a regular file");
   if (common::is_input(file)) throw_refused(file, "is a source of the program, and is not overwritten");
 }
 

@@ -15,7 +15,7 @@ class FileAccess {
 
   // Both throw MediaError (kRefused), and resolve symbolic links first.
   void require_readable(const std::string& file) const;
-  // Nor does a program overwrite its own sources.
+  // Nor does a program overwrite its own sources, or write to a pipe, a device or a socket.
   void require_writable(const std::string& file) const;
 
  private:

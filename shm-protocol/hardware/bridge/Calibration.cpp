@@ -19,7 +19,13 @@ std::string quoted(const std::string& text) {
   std::string all = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') all += '\\';
-    all += c;
+    if (static_cast<unsigned char>(c) >= ' ' && c != '\x7f') {
+      all += c;
+      continue;
+    }
+    char escape[8];  // TOML allows no control characters
+    std::snprintf(escape, sizeof escape, "\\u%04X", static_cast<unsigned>(c));
+    all += escape;
   }
   return all + "\"";
 }

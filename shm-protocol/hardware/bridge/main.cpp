@@ -244,12 +244,19 @@ class RecorderProcess {
   RecorderProcess(const RecorderProcess&) = delete;
   RecorderProcess& operator=(const RecorderProcess&) = delete;
 
-  // Waits for its end. Returns whether it recorded all. `stop`: it may still wait for a surface that never
-  // was.
+  // Waits for its end, from 5 s on with SIGTERM and from 10 s on with SIGKILL. Returns whether it recorded
+  // all. `stop`: it may still wait for a surface that never was.
   bool finish(bool stop) {
+    using std::chrono::seconds;
     if (stop) ::kill(pid_, SIGTERM);
     int status = 0;
-    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    const auto begun = std::chrono::steady_clock::now();
+    seconds next{5};
+    for (pid_t ended = 0; (ended = ::waitpid(pid_, &status, WNOHANG)) == 0 || (ended < 0 && errno == EINTR);
+         std::this_thread::sleep_for(milliseconds(2))) {
+      if (std::chrono::steady_clock::now() - begun < next) continue;
+      ::kill(pid_, next == seconds(5) ? SIGTERM : SIGKILL);
+      next += seconds(5);
     }
     pid_ = 0;
     return WIFEXITED(status) && (WEXITSTATUS(status) == common::kDone || WEXITSTATUS(status) > 128);

@@ -5,6 +5,7 @@
 #include <fontconfig/fontconfig.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -142,6 +143,12 @@ void load_fonts() {
   (void)once;
 }
 
+// Whether a surface was recorded that another process drove.
+bool is_live(const Recording& recording) {
+  return std::ranges::find(recording.datasets(), "/clock/host_ns", &Recording::DatasetInfo::name) !=
+         recording.datasets().end();
+}
+
 void write_figure(const Figure& figure, const fs::path& path) {
   load_fonts();
   const std::string extension = path.extension().string();
@@ -164,10 +171,14 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
   // The others read poses only if they show objects.
   const std::string kind = split_at_colons(what).front();
   const bool shows_objects = kind == "trajectories" || kind == "time-spent";
-  if (recording.frames() == 0 || (shows_objects && !recording.has_objects()))
-    throw scene::InputError(recording.path().string() +
-                            ": has no object poses: the run recorded no frame, or its "
-                            "experiment sets record { objects = false }");
+  if (recording.frames() == 0)
+    throw scene::InputError(recording.path().string() + ": has no frames: the run recorded none");
+  if (shows_objects && !recording.has_objects())
+    throw scene::InputError(
+        recording.path().string() + ": has no object poses: " +
+        (is_live(recording) ? "it is the recording of a live surface, which has no objects; --what names "
+                              "what to plot instead, such as height:0,0"
+                            : "its experiment sets record { objects = false }"));
   write_figure(*make_figure(recording, what), path);
 }
 

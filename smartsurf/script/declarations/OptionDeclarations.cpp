@@ -191,7 +191,7 @@ int vary(ScriptContext& context, lua_State* L) {
       throw_invalid_value(L, -2, "vary", "by name: vary{friction = {0.5, 1.5, 'factor'}}");
     const std::string name = lua_tostring(L, -2);
     if (context.vary.size() >= kMaxOptions) throw ScriptError("vary: more than 1000 nuisances");
-    context.vary.push_back(check_variation(context, L, to_single_line(name.substr(0, 60))));
+    context.vary.push_back(check_variation(context, L, to_single_line(name)));
   }
   return 0;
 }

@@ -211,7 +211,7 @@ class RegularFiles(Hostile):
         for name, text in (("image.aps", "A = io.image.open('f.png')"), ("array.aps", "A = io.array.open('f.npy')"),
                            ("table.aps", "A = io.array.open('f.csv')"), ("clip.aps", "video.clip.open('f.y4m')"),
                            ("include.aps", "!include('inc.aps')"), ("camera.aps", "webcam.open(0)\nA = webcam.read"),
-                           ("plain.aps", "A = 1")):
+                           ("save.aps", "A = 1\nio.array.save(A, 'f.csv')"), ("plain.aps", "A = 1")):
             self.write(name, program + text + "\n")
         for name, text in (("require.lua", "require 'part'"), ("mesh.lua", "mesh { file = 'f.obj', position = {1, 1, 5} }"),
                            ("model.lua", "urdf { file = 'f.urdf', position = {1, 1, 5} }"), ("open.lua", "io.open('f.csv')")):
@@ -226,7 +226,7 @@ class RegularFiles(Hostile):
             self.assertEqual(status, 2, f"{command}: {out}{err}")
             self.assertRegex(err, "regular file", command)
         (self.folder / "palettes.txt").unlink()
-        for name in ("image", "array", "table", "clip", "include"):
+        for name in ("image", "array", "table", "clip", "include", "save"):
             status, out, err = self.finish(self.start(*run, name + ".aps"), 20)
             self.assertEqual(status, 2, f"{name}: {out}{err}")
             self.assertRegex(err, "regular file|there is no file", name)
@@ -261,6 +261,8 @@ class ApronFiles(Hostile):
             self.assertEqual(status, 2, statement)
             self.assertIn("--allow", err)
             self.assertEqual({p for p in self.folder.rglob("*")}, set(before) | {self.folder / "own/p.aps"})
+        _, _, err = self.apron("A = io.array.open('own/link.csv')")  # the folder where the file is
+        self.assertIn(f"--allow {(self.folder / 'other').resolve()} ", err)
 
     def test_links_do_not_lead_outside_where_the_kernel_does_not_confine(self):
         (self.folder / "own/new.csv").symlink_to("../other/new.csv")  # which does not exist

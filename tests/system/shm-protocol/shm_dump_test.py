@@ -5,6 +5,7 @@ usage: shm_dump_test.py SHM_DUMP SURFACE CONTROLLER FROZEN_PAIR
 """
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -149,6 +150,16 @@ class Dump(unittest.TestCase):
             pair.surface.kill()
             self.assertIn("died", follower.communicate(timeout=30)[1])
             self.assertEqual(follower.returncode, 3)
+
+    def test_signals(self):
+        with Pair("signal") as pair:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                for arguments in ((f"{pair.name}-none", "--wait", "50"), (pair.name, "--follow=0.01")):
+                    process = subprocess.Popen([SHM_DUMP, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                    time.sleep(0.5)
+                    process.send_signal(number)
+                    self.assertEqual(process.communicate(timeout=30)[1], "")
+                    self.assertEqual(process.returncode, 128 + number, arguments)
 
     def test_a_foreign_file_is_named_and_left_alone(self):
         path = f"/dev/shm/smartsurf.dump-foreign-{os.getpid()}"

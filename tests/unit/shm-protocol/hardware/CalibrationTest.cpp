@@ -271,6 +271,12 @@ TEST_F(CalibrationFile, IsReadAsWritten) {
   EXPECT_EQ(read.text(), calibration_.text());
 }
 
+// Units and names of channels come from devices.
+TEST_F(CalibrationFile, TextsMayHoldAnyCharacter) {
+  calibration_.unit = "\x01\"\\\n\x7f";
+  EXPECT_EQ(Calibration::read(write(calibration_.text())).unit, calibration_.unit);
+}
+
 TEST_F(CalibrationFile, MistakesAreNamedWithTheirLine) {
   const std::string text = calibration_.text();
   EXPECT_EQ(error(replaced(text, "0.25", "nan")),
