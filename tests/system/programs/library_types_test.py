@@ -63,10 +63,11 @@ def distance(mask):
 
 
 def spread_max(a, mask, rounds):
-    y = np.where(mask != 0, a, 0).astype(a.dtype)
+    y = np.pad(np.where(mask != 0, a.astype(float), -np.inf), 1, constant_values=-np.inf)
+    inside = np.pad(mask != 0, 1)
     for _ in range(rounds):
-        y = np.where(mask != 0, np.maximum(y, np.maximum.reduce(near(y))), 0).astype(a.dtype)
-    return y
+        y = np.where(inside, np.maximum(y, np.maximum.reduce(near(y))), -np.inf)
+    return np.where(inside, y, 0)[1:-1, 1:-1].astype(a.dtype)
 
 
 def edges(a):
