@@ -234,7 +234,7 @@ class SourceIndex::Builder {
     return found == table_.end() ? nullptr : &index_.symbols_[found->second];
   }
 
-  // Of a ## b, what a part stands for; a name that is no parameter and no counter stands for itself.
+  // Returns what a part of a ## b stands for: a name that is no parameter and no counter, for itself.
   Join::Kind part_kind(const Token& token) const {
     const Symbol* const symbol = find_symbol(token);
     if (token.kind == TokenKind::kParameter) return Join::Kind::kWord;

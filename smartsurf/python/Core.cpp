@@ -258,7 +258,7 @@ class Simulation {
     refresh();
   }
 
-  // Of the environment as it was made: another thread may be using it.
+  // For what does not change after construction: another thread may be using the environment.
   const Environment& environment() const { return environment_; }
   // get(environment) of an environment that no other thread is using.
   template <class Get>
@@ -424,7 +424,7 @@ class Batch {
                      first.scene().surface.rows, first.scene().surface.columns};
   }
 
-  // Of the batch and its worlds as they were made: another thread may be using them.
+  // For what does not change after construction: another thread may be using the worlds.
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }
   // get(batch, index) of a world that no other thread is using.

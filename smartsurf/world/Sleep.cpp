@@ -292,8 +292,8 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   rest_loads_.balance(b, fallen_, pair_contacts, contacts_);
 }
 
-// What a joint, a force or a conveyor drives may push others more slowly than a body may move that falls
-// asleep, and they others again: a sleeper among them would stop them all.
+// A joint, a force or a conveyor may push a row of bodies so slowly that each of them could fall asleep; one
+// that did would stop the row.
 void Sleep::keep_pushed_awake(BodyStore& b, const std::vector<std::int32_t>& active_bodies,
                               const ContactList& pair_contacts) {
   const auto is_driven = [&](std::int32_t i) {

@@ -64,7 +64,7 @@ Y4mReader::Y4mReader(const std::string& path) : path_(path) {
   if (bytes < 0) throw_refused(path, "has colours in the format '" + format + "', which is not supported");
   chroma_bytes_ = bytes;
   first_frame_ = file_.tellg();
-  // Before a damaged header makes us allocate its frame.
+  // A damaged header must not make us allocate its frame.
   const auto frame_bytes = std::int64_t{frame_.width} * frame_.height + bytes;
   const auto rest = static_cast<std::int64_t>(std::filesystem::file_size(path, error)) - first_frame_;
   if (error || (rest > 0 && rest < frame_bytes)) throw_refused(path, "ends inside a frame");

@@ -291,7 +291,7 @@ void Board::send_heartbeat() {
 
 void Board::send_reason(std::uint8_t type, std::uint32_t reason) {
   if (!port_) return;
-  if (type == SSW_STOP_NOW) out_.clear();  // it waits for no frame on a slow line
+  if (type == SSW_STOP_NOW) out_.clear();  // a stop does not wait behind frames
   link_.write_reason(type, reason, out_);
   flush();
 }

@@ -428,7 +428,7 @@ void Bridge::check_emergency_stop() {
   // Repeated each period until the device's frames show that it has arrived.
   if (packet == 0 || device_->version < 2 || stop_sent_tick_ == device_tick_) return;
   stop_sent_tick_ = device_tick_;
-  if (packet == SSW_STOP_NOW) out_.clear();  // it waits for no frame on a slow line
+  if (packet == SSW_STOP_NOW) out_.clear();  // a stop does not wait behind frames
   link_.write_reason(packet, packet == SSW_STOP_NOW ? emergency_.reason() : SSW_NONE, out_);
   flush();
 }

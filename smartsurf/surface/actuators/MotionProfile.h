@@ -11,10 +11,10 @@ namespace smartsurf::surface {
 //
 // A cell that brakes by s = a·dt per step from the speed k·s + f, 0 ≤ f < s, covers
 // ((k + 1)·f + s·k·(k + 1)/2)·dt until it stops. Solving this for the remaining distance gives the speed of
-// the coming step. With a lag it covers at most the part p of the distance that a first-order lag covers in a
-// step: from the distance s·dt/p² on, that is, the speed s/p, which the lag alone slows by s in the first
-// step. Farther away it brakes to that speed at that distance. PinKernels holds a vectorised copy that must
-// stay bit-identical.
+// the coming step. A first-order lag covers the part p of the distance in a step, and slows the cell by s in
+// a step from the speed s/p, that is, at the distance s·dt/p². Nearer, the lag bounds the speed; farther
+// away, the cell brakes to arrive there with that speed. PinKernels holds a vectorised copy that must stay
+// bit-identical.
 class MotionProfile {
  public:
   struct Constants {

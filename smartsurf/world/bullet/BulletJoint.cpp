@@ -85,7 +85,7 @@ void BulletJoint::set_spring(const scene::JointSpring& spring) {
   update_equilibrium();
 }
 
-// Bullet's angle of a hinge is the coordinate's within half a turn, of the other sign.
+// Bullet's hinge angle is the negated coordinate, wrapped to half a turn.
 void BulletJoint::update_equilibrium() {
   if (!spring_rest_) return;
   if (kind_ == scene::JointKind::kSlider)

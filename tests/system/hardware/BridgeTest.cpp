@@ -171,7 +171,7 @@ TEST(Bridge, SilentDeviceGetsSafeValuesAndRecovers) {
   EXPECT_GE(bridge.figure("silences"), 1u);
 }
 
-// It hears that it may start, but what it says of itself is lost in the silence.
+// The device hears that it may start, but its description is lost in the silence.
 TEST(Bridge, TicksOfADeviceThatRestartsUnheardGoOn) {
   const std::string name = surface_name("bridge-restart");
   Device device({"--pty", line_path("restart"), "--size", kSize, "--period-ms", "5", "--silent-for", "120",
