@@ -116,8 +116,8 @@ ControlSocket::~ControlSocket() {
 }
 
 void ControlSocket::serve(const std::function<std::string(const std::string&)>& answer) {
-  for (std::size_t i = 0; i < kMostClients;
-       ++i) {  // bounded: a client that keeps connecting holds up no tick
+  // Bounded: a client that keeps connecting holds up no tick.
+  for (std::size_t i = 0; i < kMostClients; ++i) {
     const int client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (client < 0) break;
     if (!is_trusted(client)) {
