@@ -14,6 +14,14 @@ namespace {
 constexpr const char* kFormat = "smartsurf calibration 1";
 constexpr const char* kStateNames[] = {"good", "stuck", "dead"};
 constexpr std::size_t kMostBytes = std::size_t{1} << 28;
+// Of values and errors in a file.
+constexpr double kMostValue = 1e6, kLeastSlope = 0.1;
+// May not be more than the range of the actuator.
+constexpr CellFit::Parameter kLengths[] = {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero};
+
+bool may_be_negative(std::size_t parameter) {
+  return parameter < CellFit::kPlay || parameter > CellFit::kDelay;
+}
 
 std::string quoted(const std::string& text) {
   std::string all = "\"";
@@ -101,6 +109,16 @@ const toml::table& section_of(const TomlReader& reader, const toml::table& file,
 
 }  // namespace
 
+bool is_usable(const CellFit& fit, double range) {
+  for (std::size_t p = 0; p < CellFit::kCount; ++p) {
+    const double v = fit.value[p], error = fit.error[p];
+    if (!(std::abs(v) <= kMostValue) || !(error >= 0 && error <= kMostValue)) return false;
+    if (v < 0 && !may_be_negative(p)) return false;
+  }
+  return std::abs(fit.value[CellFit::kSlope]) >= kLeastSlope &&
+         std::ranges::all_of(kLengths, [&](auto p) { return std::abs(fit.value[p]) <= range; });
+}
+
 Calibration Calibration::read(const std::filesystem::path& path) {
   Calibration c;
   c.file = path.string();
@@ -142,17 +160,19 @@ Calibration Calibration::read(const std::filesystem::path& path) {
     const std::string where = std::string(kCellParameters[p].name) + ": ";
     const toml::table& section = section_of(reader, file, kCellParameters[p].name);
     reader.allow(section, where, {"value", "error"});
-    read_map(reader, section, where, "value", c, 1e6, [&](std::size_t cell, double v, std::size_t line) {
-      if (p == CellFit::kSlope && std::abs(v) < 0.1)
-        reader.fail(line, "slope: " + number(v) + " must be at least 0.1, or at most -0.1");
-      if (p >= CellFit::kPlay && p <= CellFit::kDelay && v < 0)
-        reader.fail(line, where + number(v) + " must not be negative");
-      c.fits[cell].value[p] = v;
-    });
-    read_map(reader, section, where, "error", c, 1e6, [&](std::size_t cell, double v, std::size_t line) {
-      if (v < 0) reader.fail(line, where + "error " + number(v) + " must not be negative");
-      c.fits[cell].error[p] = v;
-    });
+    read_map(reader, section, where, "value", c, kMostValue,
+             [&](std::size_t cell, double v, std::size_t line) {
+               if (p == CellFit::kSlope && std::abs(v) < kLeastSlope)
+                 reader.fail(line, "slope: " + number(v) + " must be at least 0.1, or at most -0.1");
+               if (v < 0 && !may_be_negative(p))
+                 reader.fail(line, where + number(v) + " must not be negative");
+               c.fits[cell].value[p] = v;
+             });
+    read_map(reader, section, where, "error", c, kMostValue,
+             [&](std::size_t cell, double v, std::size_t line) {
+               if (v < 0) reader.fail(line, where + "error " + number(v) + " must not be negative");
+               c.fits[cell].error[p] = v;
+             });
   }
   c.last_.assign(c.cells(), std::numeric_limits<float>::quiet_NaN());
   c.upwards_.assign(c.cells(), 0);
@@ -238,7 +258,7 @@ void Calibration::require_map(const TableMap& map) {
   const TableChannel& channel = require(actuator, false);
   const double range = static_cast<double>(channel.maximum) - static_cast<double>(channel.minimum);
   for (std::size_t cell = 0; cell < cells(); ++cell)
-    for (const auto p : {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero})
+    for (const auto p : kLengths)
       if (std::abs(fits[cell].value[p]) > range)
         throw std::invalid_argument(place(line_of(kCellParameters[p].name)) + kCellParameters[p].name +
                                     " of row " + std::to_string(cell / columns) + ", column " +

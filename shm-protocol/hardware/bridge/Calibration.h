@@ -15,6 +15,9 @@
 
 namespace hardware {
 
+// Whether a calibration file of a table whose actuator has this range may hold the fit.
+bool is_usable(const CellFit&, double range);
+
 class Calibration {
  public:
   // Where a board was when it was calibrated.

@@ -392,8 +392,12 @@ Calibration Calibrator::fit() const {
       if (!mounted_[i].exists[cell]) continue;
       for (std::size_t k = 0; k + 1 < ticks; ++k) reading[k] = r.readings[(k + 1) * cells + cell];
       for (std::size_t k = 0; k < at_rest.size(); ++k) at_rest[k] = r.at_rest[k * cells + cell];
-      all.fits[mounted_[i].cells[cell]] = fit_cell({1e-6 * spec_.period_us, command, reading, valid, true,
-                                                    at_rest, options_.rest.value_or(0), r.resolution});
+      CellFit& fit = all.fits[mounted_[i].cells[cell]];
+      fit = fit_cell({1e-6 * spec_.period_us, command, reading, valid, true, at_rest,
+                      options_.rest.value_or(0), r.resolution});
+      if (is_usable(fit, highest() - lowest())) continue;
+      fit = CellFit{};
+      fit.state = CellState::kStuck;
     }
   }
   return all;

@@ -300,9 +300,10 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   // Play that may be none is none: to correct it would only add its error to each command.
   fit.value[CellFit::kPlay] = best[2] > 2 * error(2) ? best[2] : 0;
   const auto set_speed = [&](int parameter, int i) {  // v = 1 / x: dv = v² dx
-    const double v = 1 / best[i];
+    const double v = 1 / best[i], its_error = v * v * error(i);
+    if (its_error > v) return;  // it may be any: the limit shows in next to none of the readings
     fit.value[parameter] = v;
-    fit.error[parameter] = v * v * error(i);
+    fit.error[parameter] = its_error;
   };
   if (up) set_speed(CellFit::kSpeedUp, 3);
   if (down) set_speed(CellFit::kSpeedDown, 4);

@@ -149,6 +149,10 @@ class Docs(ProgramTest):
                             behind[i].communicate(timeout=PATIENCE)
                             behind[i] = start(behind[i].args)
                         status, _, err = self.finish(start(command), 5 * PATIENCE)
+                if status != 0:  # what began before may tell why
+                    for other in behind[fresh:]:
+                        other.terminate()
+                        err += f"{other.args[0]}: status {other.wait(PATIENCE)}\n{other.communicate()[1]}"
                 fresh = len(behind)
                 self.assertEqual(status, 0, f"{page}: {program} {' '.join(arguments)}\n{err}")
                 if waiting:

@@ -271,6 +271,58 @@ TEST_F(CalibrationFile, IsReadAsWritten) {
   EXPECT_EQ(read.text(), calibration_.text());
 }
 
+// Recordings that no law explains: commands that came in force late, sensors that say anything, few readings.
+// The bridge must read what it has written.
+TEST_F(CalibrationFile, WhatIsFittedToSpoiledRecordingsIsRead) {
+  TableSpec spec;
+  spec.period_us = 10000;
+  spec.boards = {TableBoard()};
+  spec.boards[0].id = "a";
+  DeviceDescription device;
+  device.id = "a";
+  device.version = 2;
+  device.rows = 2;
+  device.columns = 3;
+  device.period_us = 10000;
+  device.pitch = 1;
+  device.channels.push_back({"height", "u", false, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
+  device.channels.push_back({"pin_height", "u", true, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
+  std::mt19937 random(8);
+  const auto uniform = [&random](double least, double most) {
+    return std::uniform_real_distribution<>(least, most)(random);
+  };
+  int good = 0;
+  for (int round = 0; round < 40; ++round) {
+    auto plan = calibration_plan(8);
+    for (float& u : plan) u *= static_cast<float>(kRange);
+    for (CellFit& fit : calibration_.fits) {
+      CellModel model;
+      model.slope = uniform(0, 1) < 0.2 ? uniform(-0.2, 0.2) : uniform(0.5, 1.5);
+      model.lag_s = uniform(0, 1) < 0.5 ? 0 : uniform(0, 0.05);
+      if (uniform(0, 1) < 0.5) model.speed_up = model.speed_down = std::pow(10, uniform(0, 6));
+      CellMotion motion(model, kPeriod_s, static_cast<double>(plan[0]), true);
+      const double noise = std::pow(10, uniform(-9, 1)), offset = uniform(0, 1) < 0.2 ? uniform(-9, 9) : 0,
+                   lost = uniform(0, 1) < 0.3 ? uniform(0, 1) : 0.05;
+      const bool astray = uniform(0, 1) < 0.5;
+      std::vector<float> readings;
+      std::vector<std::uint8_t> valid;
+      std::size_t behind = 0;
+      for (std::size_t k = 0; k < plan.size(); ++k) {
+        if (astray && random() % 40 == 0) behind = random() % 9;
+        const double u = static_cast<double>(plan[k - std::min(k, behind)]);
+        readings.push_back(static_cast<float>(offset + motion.advance(u) + uniform(-noise, noise)));
+        valid.push_back(uniform(0, 1) >= lost);
+      }
+      const std::vector<float> at_rest(random() % 5, static_cast<float>(uniform(-9, 9)));
+      fit = fit_cell({kPeriod_s, plan, readings, valid, true, at_rest, 0, kResolution});
+      if (!is_usable(fit, kRange)) fit = CellFit{};
+      good += fit.state == CellState::kGood;
+    }
+    EXPECT_EQ(error(calibration_.text(), &spec, &device), "none");
+  }
+  EXPECT_GT(good, 100) << "of 240";
+}
+
 // Units and names of channels come from devices.
 TEST_F(CalibrationFile, TextsMayHoldAnyCharacter) {
   calibration_.unit = "\x01\"\\\n\x7f";
