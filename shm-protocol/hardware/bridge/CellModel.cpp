@@ -292,7 +292,13 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   const bool up = at_best.limited_up > 0, down = at_best.limited_down > 0;
   if (!up) j.col(3).setZero();
   if (!down) j.col(4).setZero();
-  const Matrix covariance = covariance_of(j, scale, variance * dependence_of(at_best.of));
+  const double residual_variance = variance * dependence_of(at_best.of);
+  Matrix covariance = covariance_of(j, scale, residual_variance);
+  if (!(std::sqrt(covariance(5, 5)) <= 10 * scale[5])) {  // so far below a period that it does not show
+    best[5] = 0;
+    j.col(5).setZero();
+    covariance = covariance_of(j, scale, residual_variance);
+  }
   const auto error = [&](int i) { return std::sqrt(std::max(covariance(i, i), 0.0)); };
   fit.value[CellFit::kSlope] = best[1];
   fit.error[CellFit::kSlope] = error(1);
