@@ -26,12 +26,16 @@ struct LineStyle {
   std::vector<double> dashes;
 };
 
+// Each pair of a colour and a pattern of dashes once; neighbours differ in both.
 const std::vector<LineStyle>& line_styles() {
-  static const std::vector<LineStyle> all{{kLineColours[0], {}},
-                                          {kLineColours[1], {6.0, 3.5}},
-                                          {kLineColours[2], {1.5, 2.5}},
-                                          {kLineColours[3], {8.0, 3.0, 1.5, 3.0}},
-                                          {kLineColours[4], {12.0, 4.0}}};
+  static const std::vector<LineStyle> all = [] {
+    const std::vector<double> dashes[] = {{}, {6.0, 3.5}, {1.5, 2.5}, {8.0, 3.0, 1.5, 3.0}, {12.0, 4.0}};
+    constexpr std::size_t kCount = std::size(dashes);
+    std::vector<LineStyle> styles;
+    for (std::size_t i = 0; i < kCount * kCount; ++i)
+      styles.push_back({kLineColours[i % kCount], dashes[(i + i / kCount) % kCount]});
+    return styles;
+  }();
   return all;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "smartsurf/view/model/Meshes.h"
 #include "smartsurf/view/model/PlotData.h"
@@ -15,6 +16,9 @@ using Rgba8 = std::array<std::uint8_t, 4>;
 std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
+
+// A channel that reaches this far, as pressure, has no limit that its values come near.
+constexpr float kNoLimit = 1e6F;
 
 const Channel* find_channel(const FrameInput& input, const std::string& name) {
   for (const Channel& channel : input.channels)
@@ -109,6 +113,19 @@ void Overlay::sample_trails(const FrameInput& input) {
   if (settings.trails) trails_.add(input, settings.trail_length_s);
 }
 
+// A round number that changes only when the largest value leaves a fifth to the whole of it.
+void Overlay::fit_to_values(const Channel& channel, ColourScale& scale) {
+  float largest = 0.0F;
+  for (const float value : channel.values)
+    if (std::isfinite(value)) largest = std::max(largest, std::abs(value));
+  if (std::exchange(fitted_channel_, channel.name) != channel.name) fitted_high_ = 0.0F;
+  if (largest > fitted_high_ || (largest > 0.0F && largest < 0.2F * fitted_high_))
+    fitted_high_ = static_cast<float>(round_up(double{largest}));
+  if (!(fitted_high_ > 0.0F)) return;
+  scale.high = fitted_high_;
+  if (scale.low < 0.0F) scale.low = -fitted_high_;
+}
+
 void Overlay::apply_cell_colours(const FrameInput& input, DrawOptions& options) {
   const Channel* const channel = settings.channel.empty() ? nullptr : find_channel(input, settings.channel);
   if (!channel) return;
@@ -125,6 +142,8 @@ void Overlay::apply_cell_colours(const FrameInput& input, DrawOptions& options) 
       scale.high = std::max(scale.high, value);
     }
     if (!(scale.low <= scale.high)) scale.low = scale.high = 0.0F;
+  } else if (scale.high >= kNoLimit) {
+    fit_to_values(*channel, scale);
   }
   if (!(scale.high != scale.low)) scale.high = scale.low + 1.0F;
   if (settings.reverse_palette) std::swap(scale.low, scale.high);

@@ -55,6 +55,7 @@ class Overlay {
 
  private:
   void apply_cell_colours(const FrameInput& input, DrawOptions& options);
+  void fit_to_values(const Channel& channel, ColourScale& scale);
   void add_contact_forces(const FrameInput& input);
   void add_sensor_rays(const FrameInput& input);
   void add_selection(const FrameInput& input, const Tools& tools);
@@ -64,6 +65,8 @@ class Overlay {
   std::vector<Line> lines_;
   std::vector<float> seen_;  // the values of a distance channel, NaN where nothing is seen
   std::optional<ColourScale> colour_scale_;
+  std::string fitted_channel_;  // of fit_to_values()
+  float fitted_high_ = 0.0F;    // 0: its values were all 0
   std::optional<ForceScale> force_scale_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -76,6 +77,26 @@ TEST_F(OverlayTest, UsesRangeOfValuesIfChannelHasNone) {
   overlay.settings.low = 1.0f;
   overlay.settings.high = 2.0f;
   EXPECT_EQ(apply().low, 1.0f);
+}
+
+// Pressure reaches up to 10⁶, of which a scene shows the first thousandth.
+TEST_F(OverlayTest, RoundsTheRangeOfAChannelWithoutLimit) {
+  overlay.settings.channel = "proximity";
+  channels[0].low = -1e6f;
+  channels[0].high = 1e6f;
+  std::ranges::fill(distance, 0.0f);
+  EXPECT_EQ(apply().high, 1e6f) << "nothing to fit to";
+  distance[3] = 130.0f;
+  const float high = apply().high;
+  EXPECT_GE(high, 130.0f);
+  EXPECT_LE(high, 260.0f);
+  EXPECT_EQ(apply().low, -high);
+  distance[3] = -0.3f * high;
+  EXPECT_EQ(apply().high, high) << "a small change changes no colours";
+  distance[3] = -0.1f * high;
+  EXPECT_LT(apply().high, 0.5f * high);
+  distance[3] = 10 * high;
+  EXPECT_GE(apply().high, 10 * high);
 }
 
 TEST_F(OverlayTest, IgnoresChannelWithoutValues) {
