@@ -78,6 +78,7 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
                                         ContactList& static_contacts, int member_count) {
   const int body_count = bodies.size();
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
+  slab_queue_.reset(member_count);
   finds_in_order_ = member_count == 1 && partition_.slab_count() <= 2;
   // Several members replace all contacts: those that are there already need not be made again.
   if (member_count == 1) pair_contacts.contacts.clear(), static_contacts.contacts.clear();
@@ -136,7 +137,8 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);
   previous_contacts_.set_own_slabs(own_slabs, member);
-  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
+  const auto share_of = [&](int m) { return partition_.share({m, member.member_count, member.barrier}); };
+  for (int s; (s = slab_queue_.take(member.index, share_of)) >= 0;) {
     SlabResults& results = slab_results_[s];
     results.member = member.index;
     if (member.member_count == 1)

@@ -25,6 +25,7 @@
 #include "smartsurf/world/field/FieldManifoldCache.h"
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/narrowphase/PairManifoldCache.h"
+#include "smartsurf/world/parallel/SlabQueue.h"
 #include "smartsurf/world/parallel/Team.h"
 
 namespace smartsurf::world {
@@ -148,7 +149,7 @@ class CollisionPipeline {
   };
   // Contacts found in one slab.
   struct SlabResults {
-    int member = 0;  // the member that processes the slab
+    int member = 0;  // the member that collides the slab
     bool overloaded = false;
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
@@ -244,6 +245,7 @@ class CollisionPipeline {
   std::vector<LargeNeighbour> large_neighbours_;
   std::vector<IndexRange> large_neighbours_of_;  // by body: range in large_neighbours_
   PreviousContacts previous_contacts_;
+  SlabQueue slab_queue_;
   std::vector<SlabResults> slab_results_;                     // one per slab
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step
