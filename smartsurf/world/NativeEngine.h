@@ -180,6 +180,7 @@ class NativeEngine final : public Engine {
   struct Stop {
     std::int32_t body;
     float fraction;
+    DeltaPose motion;  // in the whole step; unused where joints hold the body
   };
   std::vector<Stop> stops_;
   std::vector<std::vector<Stop>> stops_of_members_;

@@ -253,31 +253,25 @@ void NativeEngine::stop_at_bodies(const Member& member) {
   own.clear();
   const SpatialPartition& partition = collision_.partition();
   collision_.for_each_swept_pair(member, [&](std::size_t a, std::size_t b) {
+    // Where free rotation takes the body, which is not along its spin.
     const auto motion_of = [&](std::size_t i) {
-      return bodies_.is_active(i) ? solver_->motion(partition.row(static_cast<std::int32_t>(i)))
-                                  : DeltaPose{};
+      if (!bodies_.is_active(i)) return DeltaPose{};
+      const int row = partition.row(static_cast<std::int32_t>(i));
+      DeltaPose motion = solver_->motion(row);
+      if (!bodies_.is_sphere[i] && !bodies_.is_jointed[i])
+        Eigen::Map<Vec3>(motion.rotation) =
+            bodies_.turn_in_step(i, solver_->velocity(row), motion, settings_.dt_s);
+      return motion;
     };
-    const PairSweep sweep(bodies_, a, b, settings_.dt_s, motion_of(a), motion_of(b));
+    const DeltaPose motion_a = motion_of(a), motion_b = motion_of(b);
+    const PairSweep sweep(bodies_, a, b, settings_.dt_s, motion_a, motion_b);
     // Bodies that move less do not pass each other, and their contacts push them apart.
     if (sweep.travel() < collision_.thinner_width(a, b)) return;
     const float time_s = sweep.time_of_overlap();
-    float fraction = time_s / settings_.dt_s;
-    if (time_s == PairSweep::kNever) {
-      // Free rotation follows the spin at the end of the step. A hit may have changed that by whole turns, so
-      // bodies near each other end in the pose that the sweep has tested.
-      const auto strays_by = [&](std::size_t i) {
-        if (!bodies_.is_active(i) || bodies_.is_sphere[i]) return 0.0F;
-        const int row = partition.row(static_cast<std::int32_t>(i));
-        const float turn = Vec3(solver_->motion(row).rotation).norm() +
-                           settings_.dt_s * solver_->angular_velocity(row).norm();
-        return bodies_.bounding_radius[i] * std::min(turn, 2.0F);
-      };
-      const float distance = strays_by(a) + strays_by(b);
-      if (distance == 0.0F || !sweep.comes_within(distance)) return;
-      fraction = 1.0F;
-    }
-    for (const std::size_t i : {a, b})
-      if (bodies_.is_active(i)) own.push_back({static_cast<std::int32_t>(i), fraction});
+    if (time_s == PairSweep::kNever) return;
+    for (const auto& [i, motion] : {std::pair(a, motion_a), std::pair(b, motion_b)})
+      if (bodies_.is_active(i))
+        own.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s, motion});
   });
   member.single([&] {
     for (int i = 0; i < member.member_count; ++i) {
@@ -288,7 +282,7 @@ void NativeEngine::stop_at_bodies(const Member& member) {
     std::ranges::sort(stops_, {}, [](const Stop& s) { return std::pair(s.body, s.fraction); });
     const auto later = std::ranges::unique(stops_, {}, &Stop::body);
     stops_.erase(later.begin(), later.end());
-    for (const Stop& s : stops_) solver_->shorten_motion(partition.row(s.body), s.fraction);
+    for (const Stop& s : stops_) solver_->set_motion(partition.row(s.body), s.motion, s.fraction);
   });
 }
 
@@ -298,7 +292,7 @@ void NativeEngine::stop_jointed() {
   joints_.for_each_jointed([&](std::int32_t body) {
     const float fraction = fraction_until_impact(collision_.field_collider(), bodies_, body,
                                                  solver_->motion(collision_.partition().row(body)));
-    if (fraction < 1.0F) stops_.push_back({body, fraction});
+    if (fraction < 1.0F) stops_.push_back({body, fraction, {}});
   });
   const auto is_jointed = [&](const Stop& s) { return bodies_.is_jointed[s.body] != 0; };
   for (const Stop& s : stops_)

@@ -214,30 +214,53 @@ void BodyStore::integrate_poses(std::span<const Rotating> bodies) {
   integrate_rotations(bodies);
 }
 
-void BodyStore::integrate_rotations(std::span<const Rotating> bodies) {
+void BodyStore::load_rotation(RotationBatch& batch, std::size_t lane, const Rotating& rotating,
+                              const BodyVelocity& solved, const DeltaPose& delta) const {
   static constexpr PrincipalInertia kStatic{.moments = {1, 1, 1}};
+  const auto [i, free_time_s] = rotating;
+  auto store_lane = [lane](auto& to, const auto& from) {
+    for (std::size_t k = 0; k < std::size(to); ++k) to[k][lane] = from[k];
+  };
+  const PrincipalInertia& principal = is_static(i) ? kStatic : inertia[i];
+  store_lane(batch.least_axis, principal.least_axis);
+  store_lane(batch.greatest_axis, principal.greatest_axis);
+  store_lane(batch.moments, principal.moments);
+  store_lane(batch.rotation, delta.rotation);
+  store_lane(batch.previous_x_axis, axes[i].data());
+  const RotationState& state = rotation_state[i];
+  store_lane(batch.orientation, state.orientation);
+  store_lane(batch.momentum, state.momentum);
+  store_lane(batch.angular_velocity, solved.angular_velocity);
+  for (int k = 0; k < 3; ++k)
+    batch.angular_velocity_change[k][lane] =
+        static_cast<double>(solved.angular_velocity[k]) - static_cast<double>(state.angular_velocity[k]);
+  batch.free_time[lane] = free_time_s;
+  batch.is_axisymmetric[lane] = is_axisymmetric[i] ? 1.0F : 0.0F;
+}
+
+Vec3 BodyStore::turn_in_step(std::size_t i, const BodyVelocity& solved, const DeltaPose& delta,
+                             float dt_s) const {
+  RotationBatch batch;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) load_rotation(batch, lane, {i, dt_s}, solved, delta);
+  integrate_rotation(batch);
+  const auto quaternion = [](const auto& at) { return Eigen::Quaterniond(at(3), at(0), at(1), at(2)); };
+  const Eigen::Quaterniond turned =
+      quaternion([&](int k) { return batch.orientation[k][0]; }) *
+      quaternion([&](int k) { return rotation_state[i].orientation[k]; }).conjugate();
+  const double sine = turned.vec().norm();
+  if (!(sine > 0.0)) return Vec3::Zero();
+  const Eigen::Vector3d axis = turned.vec() / sine;
+  const double angle = 2.0 * std::atan2(sine, turned.w());
+  // Several whole turns look alike.
+  const double turns = std::round((axis.dot(Vec3(delta.rotation).cast<double>()) - angle) / (2.0 * M_PI));
+  return ((angle + 2.0 * M_PI * turns) * axis).cast<float>();
+}
+
+void BodyStore::integrate_rotations(std::span<const Rotating> bodies) {
   RotationBatch batch;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const auto [i, free_time_s] = bodies[std::min(lane, bodies.size() - 1)];
-    auto store_lane = [lane](auto& to, const auto& from) {
-      for (std::size_t k = 0; k < std::size(to); ++k) to[k][lane] = from[k];
-    };
-    const PrincipalInertia& principal = is_static(i) ? kStatic : inertia[i];
-    store_lane(batch.least_axis, principal.least_axis);
-    store_lane(batch.greatest_axis, principal.greatest_axis);
-    store_lane(batch.moments, principal.moments);
-    store_lane(batch.rotation, delta_pose[i].rotation);
-    store_lane(batch.previous_x_axis, axes[i].data());
-    const RotationState& state = rotation_state[i];
-    store_lane(batch.orientation, state.orientation);
-    store_lane(batch.momentum, state.momentum);
-    const BodyVelocity& solved = body_velocity[i];
-    store_lane(batch.angular_velocity, solved.angular_velocity);
-    for (int k = 0; k < 3; ++k)
-      batch.angular_velocity_change[k][lane] =
-          static_cast<double>(solved.angular_velocity[k]) - static_cast<double>(state.angular_velocity[k]);
-    batch.free_time[lane] = free_time_s;
-    batch.is_axisymmetric[lane] = is_axisymmetric[i] ? 1.0F : 0.0F;
+    const Rotating& r = bodies[std::min(lane, bodies.size() - 1)];
+    load_rotation(batch, lane, r, body_velocity[r.body], delta_pose[r.body]);
   }
   integrate_rotation(batch);
   for (std::size_t lane = 0; lane < bodies.size(); ++lane) {

@@ -18,6 +18,8 @@
 
 namespace smartsurf::world {
 
+struct RotationBatch;
+
 // What contact preparation reads of a body, in one cache line. Friction is stored as a square root, so that
 // the product of two entries is the geometric mean of the coefficients.
 struct SurfaceMaterial {
@@ -148,6 +150,9 @@ struct BodyStore {
   // Applies the delta poses of 1 … kLanes non-spheres, whose rotation becomes that of a free body about it.
   // Keeps the angular momentum, and recomputes angular velocity, axes and world inertia.
   void integrate_poses(std::span<const Rotating>);
+  // The rotation vector of a non-sphere that integrate_poses() would turn for the whole step of `dt_s` after
+  // the solver has left it with that velocity and delta pose.
+  Vec3 turn_in_step(std::size_t index, const BodyVelocity&, const DeltaPose&, float dt_s) const;
 
  private:
   using BodyPair = std::array<std::int32_t, 2>;  // ascending
@@ -155,6 +160,8 @@ struct BodyStore {
   void index_links();
   // Adds to the numbers of bodies of the body's kinds.
   void count_kind(std::size_t i, int count);
+  void load_rotation(RotationBatch&, std::size_t lane, const Rotating&, const BodyVelocity&,
+                     const DeltaPose&) const;
   void integrate_rotations(std::span<const Rotating>);
 
   std::vector<BodyPair> excluded_pairs_;  // ascending

@@ -178,17 +178,6 @@ float PairSweep::time_of_overlap() const {
   return first;
 }
 
-bool PairSweep::comes_within(float distance) const {
-  bool comes = false;
-  for_each_part(a_.shape, [&](const ConvexPart& part_a) {
-    for_each_part(b_.shape, [&](const ConvexPart& part_b) {
-      comes = comes || advance(part_a, part_b, dt_s_, {distance, 1.1F * distance},
-                               [](float) { return true; }) != kNever;
-    });
-  });
-  return comes;
-}
-
 void PairSweep::collide_at(float time_s, float margin, std::vector<Contact>& out) const {
   const Placed a = a_.at(time_s), b = b_.at(time_s);
   collide_placed({a.shape, a.centre, a.axes}, {b.shape, b.centre, b.axes}, margin, out);

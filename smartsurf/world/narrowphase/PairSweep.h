@@ -32,8 +32,6 @@ class PairSweep {
   // The time at which parts overlap that did not at the start, by more than contacts that hold let them;
   // kNever if none do.
   float time_of_overlap() const;
-  // True if the distance of the bodies may fall to this in the step, u.
-  bool comes_within(float distance) const;
   // Appends the contacts of the bodies as they stand at that time, with separations up to `margin`, normals
   // from b to a, and anchors from the origin of a.
   void collide_at(float time_s, float margin, std::vector<Contact>& out) const;

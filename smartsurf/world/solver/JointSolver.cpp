@@ -23,7 +23,7 @@ constexpr double kBend = 0.003, kUnsolvedTurn = 0.05, kUnsolved = 1e-6, kLeastPa
 // Rounds of Newton's method in a stage; the first kFreeRounds may change the places of all axes, later ones
 // of one. A stage ends when no speed is off by more than kConverged, u/s, or when a round reduces the
 // residual by less than a tenth: a loop can contradict itself.
-constexpr int kMaxRounds = 12, kFreeRounds = 8;
+constexpr int kMaxRounds = 24, kFreeRounds = 16;
 constexpr double kConverged = 1e-8, kStagnation = 0.9;
 // Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on
 // each other; the rounds take out what it lets through.
@@ -213,7 +213,9 @@ double JointSolver::axis_compliance(const Block& block, double relative) {
   return block.law.slope() > 0.0 ? 1.0 / block.law.slope() : -1.0;
 }
 
-// Moves the axes of a tree that disobey their laws to the next place; all of them, or only the first.
+// Moves the axes of a tree that disobey their laws to the next place; all of them, or only the first. Without
+// what held an axis until now, its bodies may be as fast as they never get: before their poses say anything,
+// the rigid rows are to have the speeds again that they were solved for.
 bool JointSolver::change_places(const JointEquations::Tree& tree, bool all) {
   bool any = false;
   for (const std::int32_t k : joints_of(tree)) {
@@ -223,6 +225,8 @@ bool JointSolver::change_places(const JointEquations::Tree& tree, bool all) {
     const int place = block.law.next_place(block.place, speeds(block)[kAxis], block.impulse[kAxis],
                                            kConverged, impulse_tolerance);
     if (place == block.place) continue;
+    if (!any)
+      for (const std::int32_t i : joints_of(tree)) blocks_[i].solved_speeds = speeds(blocks_[i]);
     set_place(block, place);
     any = true;
     if (!all) break;
@@ -390,6 +394,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
       if (s.h_s > kLeastPart * h_s && is_too_long(tree, s)) {
         s.h_s *= 0.5;
         for (const std::int32_t i : bodies_of(tree)) bodies_[i].restore();
+        for (const std::int32_t k : joints_of(tree)) joints_[k].held_by = blocks_[k].kept_held_by;
         s.select(false);
       } else if (s.h_s > 0.999 * s.time_left_s) {
         s.is_unfinished = false;
@@ -439,6 +444,7 @@ void JointSolver::relax(const Rows& rows, IndexRange trees) {
 void JointSolver::hold_at_end_of_part(IndexRange trees) {
   for_each_body(trees, [](Body& b) { b.keep(); });
   for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
+    block.kept_held_by = j.held_by;
     block.target_error = block.error;
     correct_target(j, block, h_s);
     block.impulse.setZero();
@@ -551,7 +557,9 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       any_open = any_open || s.is_open();
-      s.has_changed = s.is_open() && round > 0 && change_places(equations_.trees()[t], round < kFreeRounds);
+      // After a change the speeds are to be solved for again, so the last round makes none.
+      s.has_changed = s.is_open() && round > 0 && round < kMaxRounds &&
+                      change_places(equations_.trees()[t], round < kFreeRounds);
       if (s.has_changed) s.is_factored = false;
     }
     if (!any_open) break;
@@ -560,7 +568,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
       TreeState& s = tree_states_[t];
       if (!s.is_open()) continue;
       const double before = s.residual;
-      s.residual = set_residuals(equations_.trees()[t], stage, s.h_s);
+      s.residual = set_residuals(equations_.trees()[t], stage, s.h_s, s.has_changed);
       const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
       if (round == 0 && s.residual > tolerance) any_off = true;
       if (round > 0 ? is_done || round == kMaxRounds || s.residual < tolerance : s.residual <= tolerance) {
@@ -580,7 +588,8 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
 }
 
 // Sets what the speeds along the rows lack, and returns the greatest of it.
-double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage, double h_s) {
+double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage, double h_s,
+                                  bool has_changed_places) {
   for (const std::int32_t i : bodies_of(tree)) equations_.of_body(i).setZero();
   double greatest = 0.0;
   for (const std::int32_t k : joints_of(tree)) {
@@ -591,7 +600,9 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     const Joint& j = joints_[k];
     const int n = block.rigid_rows;
     const RowVector now = speeds(block);
-    if (stage == Stage::kSolve)
+    if (has_changed_places)
+      out.head(n) = (block.solved_speeds - now).head(n);
+    else if (stage == Stage::kSolve)
       out.head(n) =
           (block.target_error - rigid_error(j, bodies_[block.a].next, bodies_[block.b].next)).head(n) / h_s;
     else

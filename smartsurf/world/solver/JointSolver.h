@@ -160,7 +160,8 @@ class JointSolver {
     bool is_active = false;
     int rigid_rows = 0;  // the first ones; the last one of all is the axis, if the joint has a coordinate
     RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
-    RowVector response = RowVector::Zero();  // change of each row's speed by a unit impulse along it
+    RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
+    RowVector solved_speeds = RowVector::Zero();  // by the last round, when places of axes change
     RowVector error = RowVector::Zero(), target_error = RowVector::Zero();  // of the rigid rows
     RowVector impulse = RowVector::Zero();                                  // in this substep
     RowVector correction = RowVector::Zero();  // of which only moves bodies back onto the joint
@@ -168,7 +169,8 @@ class JointSolver {
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
     double spring_at_rest = 0.0;  // of the part, at speed 0
     AxisLaw law;
-    int place = 0;  // in the law
+    int place = 0;                  // in the law
+    std::uint8_t kept_held_by = 0;  // of the joint, before the part
     // The axis's compliance when its tree was factored; negative: it had no row.
     double factored_compliance = -1.0;
   };
@@ -251,7 +253,7 @@ class JointSolver {
   void note_springs(IndexRange trees);
   void add_efforts(IndexRange trees, double sign);
   IndexRange all_trees() const { return {0, static_cast<int>(tree_states_.size())}; }
-  double set_residuals(const JointEquations::Tree&, Stage, double h_s);
+  double set_residuals(const JointEquations::Tree&, Stage, double h_s, bool has_changed_places);
   bool is_factored(std::int32_t tree) const;
   void factor(std::int32_t tree);
   void predict(IndexRange trees);

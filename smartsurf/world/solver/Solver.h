@@ -70,11 +70,14 @@ class Solver {
   std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
   // The motion of a row's body in the step, and a shorter one in its place.
   const DeltaPose& motion(int row) const { return delta_pose_[row]; }
-  Vec3 angular_velocity(int row) const { return Vec3(velocity_[row].angular_velocity); }
-  void shorten_motion(int row, float fraction) {
+  const BodyVelocity& velocity(int row) const { return velocity_[row]; }
+  // The first part of a motion.
+  void set_motion(int row, const DeltaPose& motion, float fraction) {
     DeltaPose& delta = delta_pose_[row];
-    for (int axis = 0; axis < 3; ++axis)
-      delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
+    for (int axis = 0; axis < 3; ++axis) {
+      delta.translation[axis] = fraction * motion.translation[axis];
+      delta.rotation[axis] = fraction * motion.rotation[axis];
+    }
   }
   // Likewise of bodies with joints; see JointSolver::end_early().
   void move_back(JointSolver& joints, const BodyStore& bodies) {
