@@ -375,7 +375,7 @@ class PartOnField {
       add(p, ManifoldCandidate{point_at(deepest), normal, distance.distance, 0}, out);
   }
 
-  // The GJK cores overlap: uses the SAT axis of least penetration and the deepest point of the part, clamped
+  // Uses the SAT axis of least penetration and the deepest point of the part, clamped
   // to the column.
   void resolve_penetration(const Plateau& p, const Escape& axis, Candidates& out) const {
     const Column& q = p.column;
@@ -386,17 +386,22 @@ class PartOnField {
     add(p, ManifoldCandidate{position, axis.normal, axis.separation, 0}, out);
   }
 
-  // Adds one contact at the closest points, for crossing edges and for corners.
+  // Adds one contact at the closest points, for crossing edges and for corners. A part that is apart in two
+  // directions is farther away than along either of them.
   void add_closest(const Plateau& p, const Escape& axis, Candidates& out) const {
     const ClosestPoints closest = closest_to(p.column, axis.normal);
-    if (closest.separated && closest.distance - proxy_.convex_radius - kColumnConvexRadius <= margin_ &&
-        closest.normal.dot(axis.normal) > 0.9F)
-      return add(p,
-                 ManifoldCandidate{closest.on_b + kColumnConvexRadius * closest.normal, axis.normal,
-                                   axis.separation, 0},
-                 out);
-    const Vec3 lowest = proxy_.sharp_support(-axis.normal);
-    add(p, ManifoldCandidate{lowest - axis.separation * axis.normal, axis.normal, axis.separation, 0}, out);
+    const float distance =
+        closest.separated ? closest.distance - proxy_.convex_radius - kColumnConvexRadius : 0.0F;
+    if (distance > margin_) return;
+    const auto add_at_closest = [&](const Vec3& normal, float separation) {
+      const Vec3 on_column = closest.on_b + kColumnConvexRadius * closest.normal;
+      add(p, ManifoldCandidate{on_column, normal, separation, 0}, out);
+    };
+    if (closest.separated && closest.normal.dot(axis.normal) > 0.9F)
+      return add_at_closest(axis.normal, axis.separation);
+    if (!(distance > 0.0F)) return resolve_penetration(p, axis, out);
+    if (!p.column.leans_over_bridge(closest.normal.x(), closest.normal.y(), kLeanTolerance))
+      add_at_closest(closest.normal, distance);
   }
 
   ClosestPoints closest_to(const Column& q, const Vec3& towards_part) const {
