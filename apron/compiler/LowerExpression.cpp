@@ -311,9 +311,10 @@ Value Lowering::emit_conversion(Opcode op, const Value& value, program::CellType
 
 // The register or scalar that a statement writes; a first write creates it.
 Value Lowering::resolve_destination(ResultDestination& destination, bool is_register, Shape shape) {
-  const Expression& target = *destination.target;
   destination.used = true;
-  Value value = resolve_target(target, is_register, shape);
+  Value value = destination.whole.kind != Value::Kind::kNone
+                    ? destination.whole
+                    : resolve_target(*destination.target, is_register, shape);
   value.is_temporary = false;  // a macro's local names live until the macro ends
   return value;
 }
