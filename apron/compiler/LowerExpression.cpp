@@ -403,9 +403,10 @@ float Lowering::number_constant(const Expression& expression, std::string_view s
 
 int Lowering::integer_constant(const Expression& expression, std::string_view subject) {
   const float value = number_constant(expression, subject);
-  if (!(std::fabs(value) <= kMaxOffset) || value != std::trunc(value)) {
+  if (value != std::trunc(value))
     fail(expression.location, "{} must be a whole number, not {}", subject, value);
-  }
+  if (std::fabs(value) > kMaxOffset)
+    fail(expression.location, "{0} must be from -{1:.0f} to {1:.0f}, not {2}", subject, kMaxOffset, value);
   return static_cast<int>(value);
 }
 

@@ -459,7 +459,8 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
     fail_at(call.location, "'{}' gives {} results: write a line {}", macro->name,
             macro->further_results.size() + 1, signature(*macro));
   expansion.macro = macro->name;
-  expansion.id = sources_.add_expansion(macro->name, call.location, macro->parameters.size());
+  expansion.id =
+      sources_.add_expansion(macro->name, call.location, macro->parameters.size(), macro->is_function);
   expansion.result_name = fmt::format("${}:{}", macro->result_parameter, expansion.id);
   std::vector<Tokens> replacements = bind_arguments(expansion, *macro, std::move(arguments), call.location);
   const std::size_t min_depth = preprocessor_.depth();

@@ -529,8 +529,15 @@ Status Vm::report_mask_mismatch(const Plane& plane) {
 
 Status Vm::fail(Status status, const std::string& text) {
   error_ = "error: " + text;
-  if (const program::SourceLocation* source = program::find_location(program_, program_counter_ - 1))
-    error_ = program_.files[source->file] + ":" + std::to_string(source->line) + ": " + error_;
+  const program::SourceLocation* source = program::find_location(program_, program_counter_ - 1);
+  if (source == nullptr) return status;
+  error_ = program_.files[source->file] + ":" + std::to_string(source->line) + ": " + error_;
+  const program::Expansion* outermost = nullptr;
+  for (; source->expansion != 0; source = &outermost->call_site)
+    outermost = &program_.expansions[source->expansion];
+  if (outermost != nullptr)
+    error_ += " (in '" + outermost->macro + "', called at " + program_.files[source->file] + ":" +
+              std::to_string(source->line) + ")";
   return status;
 }
 
