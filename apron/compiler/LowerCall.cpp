@@ -175,6 +175,8 @@ void Lowering::emit_fill(Opcode op, const Value& result, std::vector<Operand> op
   if (op != Opcode::kRandomInt)
     numbers.push_back(Value::from_constant((op == Opcode::kCellX ? shape.width : shape.height) - 1));
   check_cell_values(shape, numbers, builder_.location());
+  if (op == Opcode::kRandomInt)
+    return builder_.emit(op, builder_.operand(result), std::move(operands), masked);
   const Value filled = builder_.allocate_temporary(shape.of_type(program::CellType::kFloat32));
   builder_.emit(op, builder_.operand(filled), std::move(operands), false);
   builder_.emit(Opcode::kConvert, builder_.operand(result), {builder_.operand(filled)}, masked);

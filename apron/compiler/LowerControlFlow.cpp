@@ -13,7 +13,7 @@ using syntax::ExpressionKind;
 
 namespace {
 
-constexpr double kMaxLoopCount = program::kMaxWholeScalar;  // above, a number plus 1 may be the same number
+constexpr double kMaxLoopCount = program::kMaxWholeScalar - 1;  // a counter is that plus 1 at the end
 
 std::string_view block_keyword(BlockKind kind) {
   static constexpr std::string_view kWords[] = {"if", "while", "for", "repeat", "where"};
@@ -130,7 +130,7 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   }
   for (const Value& end : {from, bound}) {
     if (end.is_constant() && std::abs(end.constant) > kMaxLoopCount) {
-      fail(location, "'for' counts up to {:.0f} at most", kMaxLoopCount);
+      fail(location, "'for' counts from -{0:.0f} to {0:.0f} at most", kMaxLoopCount);
     }
   }
   ResultDestination destination{&variable, false};
@@ -198,7 +198,9 @@ void Lowering::emit_for_test(const Block& block) {
 
 void Lowering::open_repeat(const Expressions& arguments, Location location) {
   const Value count = lower_scalar(arguments[0], "'repeat'");
-  if (count.is_constant() && !(count.constant <= kMaxLoopCount)) {
+  if (count.is_constant() && std::isnan(count.constant))
+    fail(arguments[0].location, "'repeat' takes a number of rounds, and this is none (NaN)");
+  if (count.is_constant() && count.constant > kMaxLoopCount) {
     fail(arguments[0].location, "'repeat' counts up to {:.0f} at most", kMaxLoopCount);
   }
   const Value remaining = retained(builder_.allocate_scalar_temporary());

@@ -311,9 +311,10 @@ Value Lowering::emit_conversion(Opcode op, const Value& value, program::CellType
 
 // The register or scalar that a statement writes; a first write creates it.
 Value Lowering::resolve_destination(ResultDestination& destination, bool is_register, Shape shape) {
-  const Expression& target = *destination.target;
   destination.used = true;
-  Value value = resolve_target(target, is_register, shape);
+  Value value = destination.whole.kind != Value::Kind::kNone
+                    ? destination.whole
+                    : resolve_target(*destination.target, is_register, shape);
   value.is_temporary = false;  // a macro's local names live until the macro ends
   return value;
 }
@@ -402,9 +403,10 @@ float Lowering::number_constant(const Expression& expression, std::string_view s
 
 int Lowering::integer_constant(const Expression& expression, std::string_view subject) {
   const float value = number_constant(expression, subject);
-  if (!(std::fabs(value) <= kMaxOffset) || value != std::trunc(value)) {
+  if (value != std::trunc(value))
     fail(expression.location, "{} must be a whole number, not {}", subject, value);
-  }
+  if (std::fabs(value) > kMaxOffset)
+    fail(expression.location, "{0} must be from -{1:.0f} to {1:.0f}, not {2}", subject, kMaxOffset, value);
   return static_cast<int>(value);
 }
 

@@ -260,12 +260,35 @@ void Lowering::lower_assignment(const Expression& target, const Expression& valu
 
 void Lowering::assign(const Expression& target, Location location,
                       const std::function<Value(ResultDestination*)>& lower_value) {
-  if (is_array_element(target) && array_element(target) == nullptr)
-    return assign_array_element(target, lower_value(nullptr), location);
+  const bool is_indexed = is_array_element(target) && array_element(target) == nullptr;
+  if (is_indexed || !conditions_since(mask_base(target)).empty())
+    return assign_copy(target, is_indexed, location, lower_value);
   ResultDestination destination{&target, false};
-  const bool is_whole = conditions_since(mask_base(target)).empty();
-  const Value result = lower_value(is_whole ? &destination : nullptr);
+  const Value result = lower_value(&destination);
   if (!destination.used) store_result(destination, result, location);
+}
+
+// The value of all cells is computed before it is selected, or goes to an element that is known at run time.
+// For registers of integers, whose type some instructions take from their destination, it has one of that
+// type.
+void Lowering::assign_copy(const Expression& target, bool is_indexed, Location location,
+                           const std::function<Value(ResultDestination*)>& lower_value) {
+  const auto store = [&](const Value& value) {
+    ResultDestination destination{&target, false};
+    is_indexed ? assign_array_element(target, value, location) : store_result(destination, value, location);
+  };
+  const Symbol* symbol = is_indexed ? &symbols_.find_array(target.text)->front()
+                         : target.kind == ExpressionKind::kElement ? find_element_or_null(target)
+                                                                   : symbols_.find(target.text);
+  const Shape shape = symbol != nullptr ? builder_.shape(symbol->value) : Shape{};
+  if (!shape.is_integer()) return store(lower_value(nullptr));
+  const Value whole = builder_.allocate_temporary(shape);
+  builder_.obey_masks(whole, false);
+  ResultDestination typed{&target, false, whole};
+  const Value result = lower_value(&typed);
+  store(typed.used ? whole : result);
+  builder_.obey_masks(whole, true);
+  builder_.release(whole);
 }
 
 void Lowering::store_result(ResultDestination& destination, const Value& value, Location location) {

@@ -50,6 +50,7 @@ class Lowering {
   struct ResultDestination {
     const Expression* target = nullptr;
     bool used = false;
+    Value whole = {};  // if not empty, takes the value in place of the target
   };
 
   struct Block {
@@ -120,6 +121,8 @@ class Lowering {
   void lower_assignment(const Expression& target, const Expression& value);
   void assign(const Expression& target, Location,
               const std::function<Value(ResultDestination*)>& lower_value);
+  void assign_copy(const Expression& target, bool is_indexed, Location,
+                   const std::function<Value(ResultDestination*)>& lower_value);
   void store_result(ResultDestination&, const Value&, Location);
   void recover_from_error(const Statement&);
   void lower_call_statement(const Expression&);

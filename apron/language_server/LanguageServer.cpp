@@ -377,7 +377,7 @@ class LanguageServer {
     for (const syntax::Note& note : diagnostic.notes) add_related(note.location, note.message);
     for (std::uint32_t expansion = at.expansion; expansion != 0;) {
       const syntax::ExpansionInfo& info = document.sources.expansion(expansion);
-      add_related(info.call, "in the expansion of " + info.macro);
+      add_related(info.call, (info.is_function ? "in the call of " : "in the expansion of ") + info.macro);
       expansion = info.call.expansion;
     }
     return {{"range", range_of(document.sources, at, word_length(line, at.column))},

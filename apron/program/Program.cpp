@@ -46,6 +46,7 @@ bool takes_integers(Opcode op) noexcept {
     case Opcode::kSpreadSum:
     case Opcode::kSpreadNumber:
     case Opcode::kScatter:
+    case Opcode::kRandomInt:
       return true;
     case Opcode::kPluginWith:
     case Opcode::kPlugin:

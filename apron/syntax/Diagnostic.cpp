@@ -58,8 +58,9 @@ std::vector<std::string> expansion_chain(const Location& start, const SourceMana
   for (;;) {
     if (current.expansion != 0) {
       const ExpansionInfo& expansion = sources.expansion(current.expansion);
-      chain.push_back(fmt::format("in expansion of macro '{}' at {}", expansion.macro,
-                                  sources.format_location(expansion.call)));
+      chain.push_back(fmt::format("in {} '{}' at {}",
+                                  expansion.is_function ? "the call of function" : "expansion of macro",
+                                  expansion.macro, sources.format_location(expansion.call)));
       current = expansion.call;
     } else if (current.file < sources.file_count() && sources.file(current.file).included_from.line > 0) {
       current = sources.file(current.file).included_from;

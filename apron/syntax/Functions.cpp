@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <map>
 #include <string>
-#include <unordered_set>
 #include <utility>
+#include <vector>
 
 #include "apron/syntax/Preprocessor.h"
 
@@ -86,15 +86,30 @@ bool is_written_at_the_end(const std::vector<Line>& body, const std::string& nam
                       [&](const Line& line) { return mentions(line.tokens, name); });
 }
 
+// A name that two of the function's results and parameters have, or "".
+std::string repeated_name(const Macro& function) {
+  std::vector<std::string> names = function.further_results;
+  if (!function.result_parameter.empty()) names.push_back(function.result_parameter);
+  for (const MacroParameter& parameter : function.parameters) names.push_back(parameter.name);
+  std::ranges::sort(names);
+  const auto repeated = std::adjacent_find(names.begin(), names.end());
+  return repeated == names.end() ? "" : *repeated;
+}
+
 }  // namespace
 
 void Preprocessor::handle_function(const Tokens& tokens) {
   Macro function;
   function.is_function = true;
   function.location = tokens.front().location;
-  const bool is_valid = parse_function_signature(tokens, function);
-  if (!is_valid)
+  bool is_valid = parse_function_signature(tokens, function);
+  if (!is_valid) {
     report(tokens.front().location, "expected a function's pattern: function y = f(plane a, number n)");
+  } else if (const std::string repeated = repeated_name(function); !repeated.empty()) {
+    report(tokens.front().location, "'{}' occurs twice: results and parameters have different names",
+           repeated);
+    is_valid = false;
+  }
   const bool is_nested = frames_.back().macro != nullptr;
   if (is_nested) report(tokens.front().location, "a function is defined outside of macros and functions");
   if (read_function_body(tokens.front().location, function.body) && is_valid && !is_nested)
@@ -103,12 +118,10 @@ void Preprocessor::handle_function(const Tokens& tokens) {
 
 bool Preprocessor::parse_function_signature(const Tokens& tokens, Macro& function) {
   Tokens::const_iterator at = tokens.begin() + 1;
-  std::unordered_set<std::string> names;
   if (const auto equals = find_equals(tokens.begin(), tokens.end()); equals != tokens.end()) {
     std::vector<std::string> results;
     for (const Tokens& result : split_arguments(at, equals)) {
       if (result.size() != 1 || result.front().kind != TokenKind::kName) return false;
-      if (!names.insert(result.front().text).second) return false;
       results.push_back(result.front().text);
     }
     function.result_parameter = results.front();
@@ -123,7 +136,6 @@ bool Preprocessor::parse_function_signature(const Tokens& tokens, Macro& functio
   for (const Tokens& words : split_arguments(at + 1, tokens.end() - 1)) {
     MacroParameter parameter;
     if (!parse_function_parameter(words, parameter)) return false;
-    if (!names.insert(parameter.name).second) return false;
     function.parameters.push_back(std::move(parameter));
   }
   return true;

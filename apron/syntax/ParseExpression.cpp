@@ -189,7 +189,7 @@ Expression Parser::parse_unary() {
   // `!operator(-, m)` where m has one operand: -a is m(a).
   const MacroTable::Handle macro =
       preprocessor_.macros().find(preprocessor_.operator_target(op.text), 1, true);
-  if (macro != nullptr && operand.kind != ExpressionKind::kNumber && !preprocessor_.is_expanding(macro)) {
+  if (macro != nullptr && !preprocessor_.is_expanding(macro)) {
     Token call = op;
     call.kind = TokenKind::kName;
     call.text = macro->name;
@@ -316,8 +316,7 @@ Expression Parser::parse_module() {
 }
 
 Expression Parser::make_binary(const Token& op, Expression left, Expression right) {
-  const bool constant = left.kind == ExpressionKind::kNumber && right.kind == ExpressionKind::kNumber;
-  const std::string target = constant ? "" : preprocessor_.operator_target(op.text);
+  const std::string target = preprocessor_.operator_target(op.text);
   const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, true);
   const bool is_recursive = macro != nullptr && preprocessor_.is_expanding(macro);
   const bool is_prefix = macro == nullptr && preprocessor_.macros().find(target, 1, true) != nullptr;
@@ -460,7 +459,8 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
     fail_at(call.location, "'{}' gives {} results: write a line {}", macro->name,
             macro->further_results.size() + 1, signature(*macro));
   expansion.macro = macro->name;
-  expansion.id = sources_.add_expansion(macro->name, call.location, macro->parameters.size());
+  expansion.id =
+      sources_.add_expansion(macro->name, call.location, macro->parameters.size(), macro->is_function);
   expansion.result_name = fmt::format("${}:{}", macro->result_parameter, expansion.id);
   std::vector<Tokens> replacements = bind_arguments(expansion, *macro, std::move(arguments), call.location);
   const std::size_t min_depth = preprocessor_.depth();

@@ -241,7 +241,8 @@ std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last
   std::vector<MacroArgument> arguments = parse_macro_arguments(*first, argument_tokens);
   auto expansion = std::make_shared<MacroExpansion>();
   expansion->macro = macro->name;
-  expansion->id = sources_.add_expansion(macro->name, first->location, macro->parameters.size());
+  expansion->id =
+      sources_.add_expansion(macro->name, first->location, macro->parameters.size(), macro->is_function);
   std::vector<Tokens> replacements =
       bind_arguments(*expansion, *macro, std::move(arguments), first->location);
   Statement statement;

@@ -277,6 +277,10 @@ void Preprocessor::join_words(Line& line) {
 bool Preprocessor::expand_defines(Tokens& tokens) {
   Tokens out;
   std::set<std::string> hide_set;
+  if (tokens.size() > kMaxLineTokens) {
+    report(tokens.front().location, "this line has {} words; the limit is {}", tokens.size(), kMaxLineTokens);
+    return false;
+  }
   if (!expand_defines(tokens, out, hide_set, 0)) {
     report(tokens.front().location, "the defines in this line grow it beyond {} words or {} levels",
            kMaxLineTokens, kMaxDefineDepth);

@@ -17,8 +17,9 @@ std::uint32_t SourceManager::add_file(std::string name, std::string text, Locati
   return static_cast<std::uint32_t>(files_.size() - 1);
 }
 
-std::uint32_t SourceManager::add_expansion(std::string macro, Location call, std::size_t operand_count) {
-  expansions_.push_back({std::move(macro), call, static_cast<std::uint32_t>(operand_count)});
+std::uint32_t SourceManager::add_expansion(std::string macro, Location call, std::size_t operand_count,
+                                           bool is_function) {
+  expansions_.push_back({std::move(macro), call, static_cast<std::uint32_t>(operand_count), is_function});
   return static_cast<std::uint32_t>(expansions_.size() - 1);
 }
 

@@ -26,9 +26,10 @@ struct SourceFile {
 };
 
 struct ExpansionInfo {
-  std::string macro;
+  std::string macro;  // or function
   Location call;
   std::uint32_t operand_count = 0;
+  bool is_function = false;
 };
 
 class SourceManager {
@@ -36,7 +37,7 @@ class SourceManager {
   SourceManager();
 
   std::uint32_t add_file(std::string name, std::string text, Location included_from);
-  std::uint32_t add_expansion(std::string macro, Location call, std::size_t operand_count);
+  std::uint32_t add_expansion(std::string macro, Location call, std::size_t operand_count, bool is_function);
 
   const SourceFile& file(std::uint32_t index) const { return files_.at(index); }
   const ExpansionInfo& expansion(std::uint32_t index) const { return expansions_.at(index); }

@@ -107,11 +107,13 @@ class Generator {
         const char* const function = node.op == Opcode::kRandomFloat   ? "random_uniform"
                                      : node.op == Opcode::kRandomGauss ? "random_normal"
                                                                        : "random_integer";
-        scalar_random_integers_ |= node.op == Opcode::kRandomInt;
-        return fmt::format(
-            "wide_of_float({}(0, 0, {}{}ULL, bits_of_float(float_of_wide({})), float_of_wide({}), "
-            "float_of_wide({})))",
-            function, node.draws_follow ? "s->draws + " : "", node.draw, operand(2), operand(0), operand(1));
+        const bool is_whole = node.op == Opcode::kRandomInt;
+        scalar_random_integers_ |= is_whole;
+        const std::string_view from = is_whole ? "" : "float_of_wide";
+        return fmt::format("{}({}(0, 0, {}{}ULL, bits_of_float(float_of_wide({})), {}({}), {}({})))",
+                           is_whole ? "to_scalar" : "wide_of_float", function,
+                           node.draws_follow ? "s->draws + " : "", node.draw, operand(2), from, operand(0),
+                           from, operand(1));
       }
       default:
         break;

@@ -299,11 +299,17 @@ class KernelWriter::Body {
     const std::string draw =
         parameter(fmt::format("{}{}ULL", n.draws_follow ? "s->draws + " : "", n.draw), "const uint64_t");
     const std::string key = parameter("bits_of_float(" + seed_text + ")", "const uint32_t");
-    const Local a = operand(n.operands[0]), b = operand(n.operands[1]);
-    locals_[id] =
-        define(false, n.type,
-               fmt::format("{}((uint32_t)({}->column + c), (uint32_t)({}->row + r), {}, {}, {}, {})",
-                           function, s, s, draw, key, as_number(a, n.type), as_number(b, n.type)));
+    const auto bound = [&](std::size_t k) {
+      const NodeId at = n.operands[k];
+      if (n.op != Opcode::kRandomInt) return as_number(operand(at), n.type);
+      return node(at).kind == NodeKind::kLiteral ? wide_text(node(at).literal)
+                                                 : parameter(scalars_.at(at), "const wide");
+    };
+    const std::string a = bound(0), b = bound(1);
+    const std::string value =
+        fmt::format("{}((uint32_t)({}->column + c), (uint32_t)({}->row + r), {}, {}, {}, {})", function, s, s,
+                    draw, key, a, b);
+    locals_[id] = define(false, n.type, n.op == Opcode::kRandomInt ? scalar_as_cell(n.type, value) : value);
   }
 
   void write_operation(NodeId id) {

@@ -284,6 +284,7 @@ class Tracer {
     Node node;
     node.kind = plane ? NodeKind::kRandom : NodeKind::kScalarRandom;
     node.op = instruction.op;
+    if (plane) node.type = program_.registers[instruction.destination.index].type;
     node.operands = {source(instruction.operands[0]), source(instruction.operands[1]),
                      scalars_[slots_.seed()]};
     node.draws_follow = draws_follow_;

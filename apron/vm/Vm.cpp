@@ -89,6 +89,8 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   if (has([](const program::Instruction& i) { return i.op == Opcode::kFilterSet; }))
     for (const program::Filter& filter : program_.filters)
       initial_coefficients_.push_back(filter.coefficients);
+  for (const program::Filter& filter : program_.filters)
+    filter_elements_.emplace_back(filter.coefficients.begin(), filter.coefficients.end());
   keeps_padding_ = !has([this](const program::Instruction& i) {
     return i.op == Opcode::kBoundary && program_.literals[i.operands[0].index] != 0.0;
   }) && std::ranges::all_of(program_.registers,
@@ -105,6 +107,7 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
 // Staging for masked reads, the results of plugins, sums of neighbours, and the floats of a host that reads
 // or writes a register of integers. io.array.… take the register's own type.
 void Vm::allocate_scratch(DecodedInstruction& decoded) {
+  if (decoded.op == Opcode::kRandomInt) return;
   const bool exchanges_floats = decoded.dispatch == DispatchKind::kHost && decoded.op != Opcode::kArrayOpen &&
                                 decoded.op != Opcode::kArraySave;
   const bool is_converted = program::is_integer(decoded.type) && exchanges_floats;
@@ -130,8 +133,10 @@ Plane Vm::scratch_plane(const Plane& like, CellType type, int number) {
 void Vm::restart() {
   for (std::size_t i = 0; i < program_.variables.size(); ++i)
     register_file_.scalars[i] = program_.variables[i].initial_value;
-  for (std::size_t i = 0; i < initial_coefficients_.size(); ++i)
+  for (std::size_t i = 0; i < initial_coefficients_.size(); ++i) {
     program_.filters[i].coefficients = initial_coefficients_[i];
+    std::ranges::copy(initial_coefficients_[i], filter_elements_[i].begin());
+  }
   masks_.clear();
   return_addresses_.clear();
   boundary_ = {};
@@ -321,9 +326,7 @@ Status Vm::execute_conversion(const DecodedInstruction& decoded) {
 
 // True if the boundary's value is one of the cells.
 bool Vm::has_boundary_value(CellType type) const noexcept {
-  return !program::is_integer(type) || boundary_.rule != program::BoundaryRule::kValue ||
-         (boundary_number_ == static_cast<double>(boundary_.value) &&
-          program::is_cell_value(type, boundary_number_));
+  return boundary_.rule != program::BoundaryRule::kValue || program::is_cell_value(type, boundary_.value);
 }
 
 Status Vm::execute_shift(const DecodedInstruction& decoded) {
@@ -339,8 +342,8 @@ Status Vm::execute_shift(const DecodedInstruction& decoded) {
     offset = {to_offset(dx), to_offset(dy)};
   }
   if (decoded.op == Opcode::kShift && !has_boundary_value(decoded.type))
-    return fail_cell_value(boundary_number_, decoded.type);
-  const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0F};
+    return fail_cell_value(boundary_.value, decoded.type);
+  const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0};
   shift(executor_, *decoded.destination, *decoded.planes[0], offset,
         decoded.op == Opcode::kRotate ? wrap : boundary_, mask);
   return Status::kRunning;
@@ -391,7 +394,7 @@ Status Vm::execute_integer_reduction(const DecodedInstruction& decoded, Reductio
                                                         : std::accumulate(begin, end, std::int64_t{0});
   double value = program::to_scalar(static_cast<double>(result));
   if (decoded.op == Opcode::kGlobalMean)
-    value = static_cast<float>(static_cast<double>(result) / static_cast<double>(a.cell_count()));
+    value = program::to_scalar(static_cast<double>(result) / static_cast<double>(a.cell_count()));
   if (decoded.op == Opcode::kGlobalAny) value = result != 0 ? 1.0 : 0.0;
   *decoded.destination_variable = value;
   return Status::kRunning;
@@ -483,8 +486,7 @@ Status Vm::execute_control_flow(const DecodedInstruction& decoded) {
     case Opcode::kNop:
       return Status::kRunning;
     case Opcode::kBoundary:
-      boundary_ = {decoded.boundary.rule, static_cast<float>(*decoded.scalars[1])};
-      boundary_number_ = *decoded.scalars[1];
+      boundary_ = {decoded.boundary.rule, *decoded.scalars[1]};
       return Status::kRunning;
     case Opcode::kCall:
       return execute_call(decoded);
@@ -527,8 +529,15 @@ Status Vm::report_mask_mismatch(const Plane& plane) {
 
 Status Vm::fail(Status status, const std::string& text) {
   error_ = "error: " + text;
-  if (const program::SourceLocation* source = program::find_location(program_, program_counter_ - 1))
-    error_ = program_.files[source->file] + ":" + std::to_string(source->line) + ": " + error_;
+  const program::SourceLocation* source = program::find_location(program_, program_counter_ - 1);
+  if (source == nullptr) return status;
+  error_ = program_.files[source->file] + ":" + std::to_string(source->line) + ": " + error_;
+  const program::Expansion* outermost = nullptr;
+  for (; source->expansion != 0; source = &outermost->call_site)
+    outermost = &program_.expansions[source->expansion];
+  if (outermost != nullptr)
+    error_ += " (in '" + outermost->macro + "', called at " + program_.files[source->file] + ":" +
+              std::to_string(source->line) + ")";
   return status;
 }
 

@@ -186,7 +186,6 @@ class Vm {
   std::unique_ptr<FusedTraceCache> fused_traces_;
   std::vector<std::uint32_t> return_addresses_;
   BoundaryCondition boundary_{};
-  double boundary_number_ = 0.0;  // the boundary's value, unrounded
   RandomStream random_stream_{};
   // They hold the largest destination of a scatter: sums of floats, and sums of integers or counts.
   std::tuple<std::vector<double>, std::vector<std::uint32_t>> scatter_sums_;
@@ -200,6 +199,7 @@ class Vm {
   std::size_t program_counter_ = 0;
   std::uint64_t instructions_executed_ = 0, executed_before_tick_ = 0;
   std::vector<std::vector<float>> initial_coefficients_;  // of the filters, if the program changes them
+  std::vector<std::vector<double>> filter_elements_;      // as they were set, for registers of integers
   bool keeps_padding_ = false;
   bool profiling_enabled_ = false;
   std::vector<InstructionProfile> profile_;

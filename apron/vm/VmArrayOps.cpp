@@ -6,6 +6,7 @@
 #include <new>
 #include <type_traits>
 
+#include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"
 #include "apron/vm/kernels/FloodFill.h"
@@ -222,7 +223,7 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
 
 // near.sum to near.all of integers: one shift for each neighbour. Sums modulo 2^n have no order.
 Status Vm::reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask) {
-  if (!has_boundary_value(decoded.type)) return fail_cell_value(boundary_number_, decoded.type);
+  if (!has_boundary_value(decoded.type)) return fail_cell_value(boundary_.value, decoded.type);
   static constexpr std::array<Offset, 8> kOffsets{
       {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}}};
   static constexpr std::array<Opcode, 5> kCombine{Opcode::kAdd, Opcode::kMin, Opcode::kMax, Opcode::kOr,
@@ -243,15 +244,16 @@ Status Vm::reduce_integer_neighbours(const DecodedInstruction& decoded, const fl
 
 // A product and a sum modulo 2^n for each element that is not 0.
 Status Vm::filter_integers(const DecodedInstruction& decoded, const float* mask) {
-  if (!has_boundary_value(decoded.type)) return fail_cell_value(boundary_number_, decoded.type);
+  if (!has_boundary_value(decoded.type)) return fail_cell_value(boundary_.value, decoded.type);
   const program::Filter& filter = program_.filters[decoded.table_index];
   const Plane sum = decoded.scratch, neighbour = decoded.second_scratch;
   Block zeros(sum);
   zeros.integer[0] = 0;
   executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, false, decoded.type), zeros);
-  for (std::uint32_t i = 0; i < filter.coefficients.size(); ++i) {
+  const std::vector<double>& elements = filter_elements_[decoded.table_index];
+  for (std::uint32_t i = 0; i < elements.size(); ++i) {
     if (executor_.is_stopped()) return Status::kInterrupted;
-    const double element = static_cast<double>(filter.coefficients[i]);
+    const double element = elements[i];
     if (element == 0.0) continue;
     if (!program::is_cell_value(program::CellType::kInt32, element))
       return fail(Status::kFailed, format_number(element) + ", an element of the filter '" + filter.name +
@@ -284,29 +286,35 @@ Status Vm::set_filter_coefficient(const DecodedInstruction& decoded) {
     return fail(Status::kFailed, "the filter '" + filter.name + "' of " + std::to_string(filter.width) + "x" +
                                      std::to_string(filter.height) + " has no element number " +
                                      format_number(index));
-  filter.coefficients[static_cast<std::size_t>(index)] = static_cast<float>(*decoded.scalars[2]);
+  const double element = *decoded.scalars[2];
+  filter.coefficients[static_cast<std::size_t>(index)] = static_cast<float>(element);
+  filter_elements_[decoded.table_index][static_cast<std::size_t>(index)] = element;
   return Status::kRunning;
 }
 
 Status Vm::fill_random(const DecodedInstruction& decoded) {
   const RandomStream draw = random_stream_;
   ++random_stream_.draw_index;  // independent of the mask
-  const auto a = static_cast<float>(*decoded.scalars[0]), b = static_cast<float>(*decoded.scalars[1]);
+  const double a = *decoded.scalars[0], b = *decoded.scalars[1];
   if (decoded.destination_variable != nullptr) {
-    *decoded.destination_variable = draw.draw_one(executor_.kernels(), decoded.op, 0, 0, a, b);
+    *decoded.destination_variable =
+        program::to_scalar(draw.draw_one(executor_.kernels(), decoded.op, 0, 0, a, b));
     return Status::kRunning;
   }
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
-  executor_.parallel_for_rows(
-      decoded.destination->height, decoded.destination->width, [&](std::uint32_t first, std::uint32_t last) {
-        for (std::uint32_t row = first; row < last; ++row) {
-          float* to = decoded.destination->row(row);
-          const float* on = mask != nullptr ? mask + (to - decoded.destination->data) : nullptr;
-          draw.fill_row(executor_.kernels(), decoded.op, row, a, b, to, on, decoded.destination->width);
-        }
-      });
+  const Plane y = *decoded.destination;
+  with_cell_type(y.type, [&](auto cell) {
+    using T = decltype(cell);
+    executor_.parallel_for_rows(y.height, y.width, [&](std::uint32_t first, std::uint32_t last) {
+      for (std::uint32_t row = first; row < last; ++row) {
+        T* to = y.cells<T>(row);
+        const T* on = mask != nullptr ? reinterpret_cast<const T*>(mask) + (to - y.cells<T>(0)) : nullptr;
+        draw.fill_row(executor_.kernels(), decoded.op, row, a, b, to, on, y.width);
+      }
+    });
+  });
   return Status::kRunning;
 }
 

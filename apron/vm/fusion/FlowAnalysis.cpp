@@ -93,7 +93,7 @@ void FlowAnalysis::compute_boundaries() {
     if (in.op == Opcode::kBoundary) {
       const auto rule = static_cast<BoundaryRule>(program_.literals[in.operands[0].index]);
       const bool fixed = rule != BoundaryRule::kValue || in.operands[1].kind == OperandKind::kLiteral;
-      after = BoundaryCondition{rule, 0.0F};
+      after = BoundaryCondition{rule, 0.0};
       if (rule == BoundaryRule::kValue && fixed) after->value = program_.literals[in.operands[1].index];
       if (!fixed || after->value != after->value) after.reset();
     }

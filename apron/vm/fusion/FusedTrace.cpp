@@ -120,7 +120,7 @@ void FusedTrace::allocate_workers() {
   }
   const auto columns = plan_.width + 4 * static_cast<std::uint32_t>(lanes_);
   const Plane row = plane_store_.allocate(columns, 1, plan_.type);
-  const float value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F;
+  const double value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0;
   with_cell_type(plan_.type, [&](auto cell) {
     using T = decltype(cell);
     std::fill_n(row.cells<T>(0), columns, static_cast<T>(value));
@@ -209,7 +209,7 @@ std::uint32_t FusedTrace::common_vector_count(const Stage& stage) const noexcept
 }
 
 void FusedTrace::fill_margins(const Worker& worker) noexcept {
-  const float value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F;
+  const double value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0;
   for (const BufferView& view : worker.views)
     for (std::int64_t k = 1; k <= -view.first_row; ++k)
       for (const std::int64_t row : {-k, static_cast<std::int64_t>(plan_.height) - 1 + k})

@@ -120,10 +120,8 @@ class TraceBuilder {
 
   // A boundary's value that integers cannot hold is an error of the instruction.
   bool has_boundary(const DecodedInstruction& decoded) const {
-    constexpr float kExact = 16777216.0F;
-    return boundary_ && (!program::is_integer(decoded.type) || boundary_->rule != BoundaryRule::kValue ||
-                         (program::is_cell_value(decoded.type, boundary_->value) &&
-                          boundary_->value <= kExact && boundary_->value >= -kExact));
+    return boundary_ && (boundary_->rule != BoundaryRule::kValue ||
+                         program::is_cell_value(decoded.type, boundary_->value));
   }
 
   bool can_fuse_shift(const DecodedInstruction& decoded) const {

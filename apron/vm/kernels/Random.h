@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <type_traits>
 
 #include "apron/program/Program.h"
 #include "apron/vm/kernels/KernelTable.h"
@@ -24,12 +25,14 @@ struct RandomStream {
 
   // The value of op (kRandomFloat, kRandomGauss or kRandomInt) with operands a and b, as specified in
   // opcodes.def.
-  float draw_one(const KernelTable& kernels, program::Opcode op, std::uint32_t column, std::uint32_t row,
-                 float a, float b) const noexcept;
+  double draw_one(const KernelTable& kernels, program::Opcode op, std::uint32_t column, std::uint32_t row,
+                  double a, double b) const noexcept;
 
-  // Writes the values of the cells of a row. If mask is not null, only its non-zero cells are written.
-  void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, float a, float b,
-                float* to, const float* mask, std::uint32_t columns) const noexcept;
+  // Writes the values of the cells of a row, of integers those of kRandomInt. If mask is not null, only its
+  // non-zero cells are written.
+  template <class T>
+  void fill_row(const KernelTable& kernels, program::Opcode op, std::uint32_t row, double a, double b, T* to,
+                const std::type_identity_t<T>* mask, std::uint32_t columns) const noexcept;
 };
 
 }  // namespace apron::vm

@@ -11,7 +11,7 @@ namespace apron::vm {
 
 struct BoundaryCondition {
   program::BoundaryRule rule = program::BoundaryRule::kZero;
-  float value = 0.0F;  // with kValue
+  double value = 0.0;  // a scalar, with kValue
 };
 
 struct Offset {

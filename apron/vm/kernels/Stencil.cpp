@@ -27,7 +27,7 @@ class StencilPass {
         a_(a),
         boundary_(boundary),
         mask_(mask) {
-    constant_row_.fill(boundary.rule == BoundaryRule::kValue ? boundary.value : 0.0F);
+    constant_row_.fill(boundary.rule == BoundaryRule::kValue ? static_cast<float>(boundary.value) : 0.0F);
   }
 
   // Calls inner(rows, output) for the columns whose stencil lies inside the plane, and edge(begin, output)

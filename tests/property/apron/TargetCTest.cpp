@@ -534,6 +534,11 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
     build.program.registers.back().type = type;
     return made;
   };
+  const auto whole = [&](double value) {
+    const Operand made = build.lit(0.0F);
+    build.program.literals[made.index] = value;
+    return made;
+  };
   const Operand x = make(program::CellType::kFloat32), numbers = make(program::CellType::kFloat32),
                 floats = make(program::CellType::kFloat32);
   const std::size_t top = build.next_index();
@@ -565,6 +570,15 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
     build.program.filters.push_back({"f", 3, 2, {-1, 2, 0, 255, -70000, 3}});
     build.add(Opcode::kFilterDo, y, a,
               Operand{OperandKind::kFilter, static_cast<std::uint32_t>(build.program.filters.size() - 1)});
+    show(y);
+    // Whole numbers that floats would round.
+    const Operand drawn = build.var();
+    build.add(Opcode::kRandomInt, y, whole(-3), whole(program::highest_cell(type)));
+    build.add(Opcode::kBitAnd, y, y, whole(255));
+    show(y);
+    build.add(Opcode::kRandomInt, drawn, whole(2e15 + 1), whole(2e15 + 200));
+    build.add(Opcode::kSub, drawn, drawn, whole(2e15 + 1));
+    build.add(Opcode::kAdd, y, a, drawn);
     show(y);
     for (const auto to : {program::CellType::kUint8, program::CellType::kUint16, program::CellType::kInt32})
       for (const Opcode op : {Opcode::kConvert, Opcode::kConvertSaturated}) {

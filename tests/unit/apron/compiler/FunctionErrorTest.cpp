@@ -91,6 +91,10 @@ TEST(FunctionErrors, OfDefinitions) {
       "");
   EXPECT_EQ(first_error("function y = f(a\ny = a\nendfunction\n"),
             "main.aps:1:1: error: expected a function's pattern: function y = f(plane a, number n)");
+  const std::string twice =
+      "main.aps:1:1: error: 'a' occurs twice: results and parameters have different names";
+  for (const char* pattern : {"a = f(a)", "a, b = f(a, b)", "y = f(a, plane a)", "a, a = f(b)"})
+    EXPECT_EQ(first_error("function " + std::string(pattern) + "\ny = 1\nendfunction\n"), twice) << pattern;
   EXPECT_EQ(first_error("function y = f(a)\ny = a\n"),
             "main.aps:1:1: error: this function has no 'endfunction'");
   EXPECT_EQ(first_error("function f(a)\nend\nendfunction\nfunction f(b)\nnop\nendfunction\n"),

@@ -113,6 +113,15 @@ TEST(Macro, ErrorsShowExpansionChain) {
             "  note: in expansion of macro 'outer' at main.aps:3:5\n");
 }
 
+TEST(Macro, ErrorsInFunctionsShowTheirCall) {
+  EXPECT_EQ(errors(compile_text("function f(a)\nx = Missing\nendfunction\nf(1)\n")),
+            "main.aps:2:5: error: 'Missing' is not a register, and no line writes it as a scalar; before it "
+            "is read, !register(Missing) or Missing = 0 makes it one\n"
+            "    x = Missing\n"
+            "        ^\n"
+            "  note: in the call of function 'f' at main.aps:4:1\n");
+}
+
 TEST(Macro, InstalledLibrariesCompileAndStayLocal) {
   std::map<std::string, std::string> files;
   for (const char* name : {"apron.aps", "morphology.aps"}) {

@@ -69,6 +69,18 @@ TEST(Preprocessor, DefinesKeepTheirPrecedence) {
   EXPECT_EQ(lines("x = SURFACE_WIDTH + SURFACE_HEIGHT"), "x = 16 + 9\n");
 }
 
+TEST(Preprocessor, LinesHaveALimit) {
+  std::string sum = "x = 1";
+  for (int i = 0; i < 10'000; ++i) sum += " + 1";
+  EXPECT_EQ(errors(sum), "src/main.aps:1:1: error: this line has 20003 words; the limit is 20000\n");
+  EXPECT_EQ(
+      errors("!define(ten, a a a a a a a a a a)\n!define(more, ten ten ten ten ten ten ten ten ten ten)\n"
+             "!define(most, more more more more more more more more more more)\n"
+             "x = most most most most most most most most most most most most most most most most most most "
+             "most most most"),
+      "src/main.aps:4:1: error: the defines in this line grow it beyond 20000 words or 64 levels\n");
+}
+
 TEST(Preprocessor, Conditions) {
   const std::string body = "\na\n!else\nb\n!endif\n";
   EXPECT_EQ(lines("!if(1, <, 2)" + body), "a\n");

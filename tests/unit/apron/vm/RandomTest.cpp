@@ -83,6 +83,26 @@ TEST(Random, DrawMatchesSpecification) {
   EXPECT_EQ(one(Opcode::kRandomInt, 4, 4), 4.0F);
 }
 
+TEST(Random, WholeNumbersAreExactWithinTheirBounds) {
+  const RandomStream draw{7, 9};
+  constexpr double kLow = 0x1p53 - 1001, kHigh = 0x1p53 - 1;
+  for (std::uint32_t column = 0; column < 1000; ++column) {
+    const double drawn = draw.draw_one(best_kernels(), Opcode::kRandomInt, column, 0, kLow, kHigh);
+    ASSERT_TRUE(drawn >= kLow && drawn <= kHigh && drawn == std::trunc(drawn)) << drawn;
+  }
+  std::array<std::int32_t, 400> cells{};
+  std::array<std::uint8_t, 400> bytes{};
+  draw.fill_row(best_kernels(), Opcode::kRandomInt, 0, 2147483600, 2147483647, cells.data(), nullptr, 400);
+  draw.fill_row(best_kernels(), Opcode::kRandomInt, 0, -50, 300, bytes.data(), nullptr, 400);
+  for (std::uint32_t x = 0; x < 400; ++x) {
+    const double want = draw.draw_one(best_kernels(), Opcode::kRandomInt, x, 0, 2147483600, 2147483647);
+    const double byte = draw.draw_one(best_kernels(), Opcode::kRandomInt, x, 0, -50, 300);
+    ASSERT_EQ(cells[x], want);
+    ASSERT_EQ(bytes[x], std::clamp(byte, 0.0, 255.0));
+  }
+  EXPECT_NE(cells[0], cells[1]);
+}
+
 constexpr std::uint32_t kNormals = 1U << 18U;
 
 Cells standard_normals(const KernelTable& kernels, std::uint32_t row) {
