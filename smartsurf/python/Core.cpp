@@ -679,6 +679,11 @@ PYBIND11_MODULE(_core, m) {
           })
       .def_property_readonly(
           "seed", [](const Simulation& s) { return s.read([](const Environment& e) { return e.seed(); }); })
+      .def_property_readonly(
+          "object_count",
+          [](const Simulation& s) {
+            return s.read([](const Environment& e) { return e.simulation().catalogue().size(); });
+          })
       .def("label",
            [](const Simulation& s, std::uint32_t id) {
              return s.read([id](const Environment& e) { return e.simulation().label(id); });

@@ -119,8 +119,12 @@ class Simulation(Surface):
         return objects
 
     def label(self, id: int) -> str:
-        """The label of an object."""
-        return self._core.label(id)
+        """The label of an object, also of one that is gone."""
+        count = self._core.object_count
+        if not isinstance(id, (int, np.integer)) or not 0 <= id < count:
+            raise ValueError(f"object {id!r}: must be 0 to {count - 1}, of the {count} objects so far" if count else
+                             f"object {id!r}: there is no object so far")
+        return self._core.label(int(id))
 
     @property
     def metrics(self) -> dict[str, float]:

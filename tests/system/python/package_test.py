@@ -458,6 +458,10 @@ class Errors(ExperimentTest):
             with self.assertRaisesRegex(ValueError, message):
                 s.step(actions)
         for call, message in ((lambda: s.restore("state"), "a str is not a saved state"),
+                              (lambda: s.label(10), "object 10: must be 0 to 9, of the 10 objects so far"),
+                              (lambda: s.label(10**30), "object 10{30}: must be 0 to 9"),
+                              (lambda: s.label(-1), "object -1: must be 0 to 9"),
+                              (lambda: s.label("ball"), "object 'ball': must be 0 to 9"),
                               (lambda: s.render(0, 100), "width = 0: must be"),
                               (lambda: s.render(100.5, 100), "width = 100.5: must be")):
             with self.assertRaisesRegex(ValueError, message) as raised:
