@@ -1,4 +1,5 @@
 """The package without Gymnasium: simulations, saved states, errors, processes."""
+import copy
 import gc
 import multiprocessing
 import os
@@ -222,6 +223,49 @@ class RandomStreams(ExperimentTest):
             for j, other in enumerate(names[:i]):
                 with self.subTest(one=one, other=other):
                     self.assertLess(abs(correlation[i, j]), 0.2)
+
+    def test_functions_that_observe_change_no_other_random_number(self):
+        drawn = "random() + math.random() + random_stream('shared')"
+        text = """surface { rows = 4, columns = 4, actuator = pin { range = {0, 1} }, sensors = { proximity { range = 4 } } }
+local b = sphere { radius = 0.4, position = {1.5, 1.5, 2} }
+every(0.05, function() object(b):push { force = {random(-1, 1), random_stream('shared', -1, 1), 0}, seconds = 0.1 } end)
+"""
+        functions = f"""info {{ a = function() return {drawn} end, b = function() return {drawn} end }}
+reward(function() return {drawn} end)
+success(function() return {drawn} < 0 end)
+metric('drawn', function() return {drawn} end)
+"""
+
+        def start(script):
+            return smartsurf.Simulation(self.script(script, "experiment.lua"), seed=3)
+        plain, read, unread = start(text), start(text + functions), start(text + functions)
+        hashes, seen = [], []
+        for tick in range(20):
+            reward, _, _ = read.step()
+            info = read.info
+            self.assertEqual(read.info, info)
+            seen.append((reward, info["a"], info["b"], read.metrics["drawn"]))
+            plain.step(), unread.step()
+            hashes.append({one.state_hash for one in (plain, read, unread)})
+        self.assertEqual([len(of_tick) for of_tick in hashes], [1] * 20)
+        self.assertEqual(len(set(sum(seen, ()))), 80)
+        state = read.save()
+        copied = copy.deepcopy(read)
+        expected = [(read.step(), read.info, read.metrics, read.state_hash) for _ in range(10)]
+        unread.restore(state)
+        for one in (copied, unread):
+            self.assertEqual([(one.step(), one.info, one.metrics, one.state_hash) for _ in range(10)], expected)
+        read.reset(4)
+        self.assertNotEqual(read.step()[0], seen[0][0])
+        # What smartsurf run does not call, or calls at other times.
+        read.reset(3)
+        read.record(self.folder / "drawn.h5")
+        for _ in range(30):
+            read.step(), read.info
+        read.stop_recording()
+        verified = subprocess.run([os.environ["SMARTSURF"], "replay", str(self.folder / "drawn.h5"), "--verify"],
+                                  capture_output=True, text=True, timeout=120)
+        self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
 
     def test_a_stream_with_a_name_does_not_depend_on_other_draws(self):
         def draws(before):
