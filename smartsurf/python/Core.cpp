@@ -420,8 +420,9 @@ class Batch {
         batch_(make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset),
                           overrides)) {
     const Environment& first = batch_->world(0);
-    action_shape_ = {batch_->world_count(), static_cast<py::ssize_t>(first.simulation().actuators().size()),
-                     first.scene().surface.rows, first.scene().surface.columns};
+    const scene::SurfaceSpec& surface = first.scene().surface;
+    action_shape_ = {batch_->world_count(), static_cast<py::ssize_t>(surface.actuator_channels().size()),
+                     surface.rows, surface.columns};
   }
 
   // For what does not change after construction: another thread may be using the worlds.

@@ -418,12 +418,17 @@ def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], values: dict[str
     for i, state in enumerate(states):
         if state:
             envs._batch.restore(i, state)
+    # Those that could not start cannot here either, with the same values of parameters.
+    unstarted = [not state and (envs._same_step or not over[i]) for i, state in enumerate(states)]
+    again = [int(unstarted[i] and envs._batch.has_running_episode(i)) for i in range(envs.num_envs)]
+    if any(again):
+        envs._batch.reset(started, again)
+    # Those that the next step resets; with SAME_STEP only those that could not start in the same one.
+    envs._batch.end_episodes([int(one and (unstarted[i] or not envs._same_step)) for i, one in enumerate(over)])
     if has_objects:
         envs.objects
     for to, saved in zip((*envs._state_arrays, envs._rewards, envs._terminated, envs._truncated), arrays):
         to[...] = saved
-    if not envs._same_step:  # those that the next step resets
-        envs._batch.end_episodes([int(one) for one in over])
     envs._np_random = random
     return envs
 
