@@ -243,6 +243,26 @@ void Environment::randomise(const SceneParameter& parameter, std::span<const dou
   ranges_are_valid_ = false;
 }
 
+Environment::ParameterSettings Environment::parameter_settings() const {
+  ParameterSettings settings{set_values_, {}};
+  for (const auto& [parameter, low, high] : ranges_) settings.ranges.push_back({parameter.name(), low, high});
+  return settings;
+}
+
+void Environment::set_parameter_settings(ParameterSettings settings) {
+  std::vector<Range> ranges;
+  for (auto& [name, low, high] : settings.ranges) {
+    const SceneParameter parameter = find_parameter(name);
+    if (low.size() != parameter.size() || high.size() != parameter.size())
+      throw scene::InputError(scene().file + ": parameter '" + name + "' has another number of values");
+    ranges.push_back({parameter, std::move(low), std::move(high)});
+  }
+  if (!settings.values.empty()) require_valid(settings.values);
+  set_values_ = std::move(settings.values);
+  ranges_ = std::move(ranges);
+  ranges_are_valid_ = false;
+}
+
 bool Environment::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   return running().place(id, update);
 }

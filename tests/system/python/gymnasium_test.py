@@ -894,6 +894,26 @@ class RecordedWorlds(ExperimentTest):
         with self.assertRaisesRegex(ValueError, "record_every = 0"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
 
+    def test_a_copy_does_not_record_and_says_so(self):
+        path = self.script(CROWD)
+        for number, make in enumerate((lambda folder: smartsurf.Env(path, record=folder),
+                                       lambda folder: smartsurf.VectorEnv(path, 2, record=folder))):
+            folder = self.folder / str(number)
+            env = make(folder)
+            for copied in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
+                with self.assertWarnsRegex(UserWarning, "a copy of this environment does not record"):
+                    other = copied(env)
+                other.reset(seed=1)
+                other.step(sampled(other.action_space, 1))
+                other.close()
+                self.assertFalse(folder.exists())
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                copy.deepcopy(make(None))
+            env.reset(seed=1)
+            env.close()
+            self.assertTrue(folder.exists())
+
 
 class Agents(ExperimentTest):
     def test_pettingzoo_accepts_it(self):
