@@ -99,6 +99,8 @@ class Environments(ExperimentTest):
             observation, reward, terminated, truncated, info = env.step(action)
         self.assertTrue(info["surface_closed"])
         self.assertNotIn("metrics", info)
+        with self.assertRaisesRegex(RuntimeError, f"^surface {name} has closed: no episode can follow"):
+            env.reset()
         env.close()
         self.assertEqual(simulator.wait(20), 0)
 
@@ -933,7 +935,9 @@ class Agents(ExperimentTest):
             env.step({"block_0_0": np.zeros((2, 3))})
         with self.assertRaisesRegex(ValueError, "^actions: a list: must be a dict of agents"):
             env.step([1])
-        env.step({"block_1_2": np.full((1, 4, 4), 3, np.float32)})
+        infos = env.step({"block_1_2": np.full((1, 4, 4), 3, np.float32)})[4]
+        infos["block_0_0"]["mine"] = 1
+        self.assertNotIn("mine", infos["block_0_1"])
         expected = np.zeros((16, 16), np.float32)
         expected[4:8, 8:12] = 3
         np.testing.assert_array_equal(env.simulation.actuators["height"][1:-1, 1:-1], expected[1:-1, 1:-1])

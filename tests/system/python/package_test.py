@@ -524,6 +524,10 @@ class Errors(ExperimentTest):
                 smartsurf.LocalPolicy(inputs, actions, layers, memory)
         with self.assertRaisesRegex(ValueError, r"'proximity' has shape \(4,\)"):
             smartsurf.LocalPolicy(["proximity"], [("height", 0, 4)], layers)({"proximity": np.zeros(4)})
+        for observation, message in (({}, "the observation is empty: it must have a sensor"),
+                                     ({"proximity": np.zeros(4)}, r"'proximity' has shape \(4,\)")):
+            with self.assertRaisesRegex(ValueError, message):
+                smartsurf.LocalPolicy(["row"], [("height", 0, 4)], layers)(observation)
 
     def test_an_episode_that_cannot_start(self):
         s = smartsurf.Simulation(self.script("surface { rows = 4, columns = 4, actuator = pin {} }\n"
