@@ -160,6 +160,24 @@ void randomise(Environment& environment, const std::string& name, std::span<cons
   environment.randomise(found, low, high);
 }
 
+// What set_parameter() and randomise() have set: (name, values) and (name, low, high).
+using NamedRange = std::tuple<std::string, std::vector<double>, std::vector<double>>;
+using ParameterSettings = std::pair<Environment::Values, std::vector<NamedRange>>;
+
+ParameterSettings parameter_settings(const Environment& environment) {
+  auto [values, ranges] = environment.parameter_settings();
+  ParameterSettings out{std::move(values), {}};
+  for (auto& [name, low, high] : ranges)
+    out.second.emplace_back(std::move(name), std::move(low), std::move(high));
+  return out;
+}
+
+void set_parameter_settings(Environment& environment, const ParameterSettings& given) {
+  Environment::ParameterSettings settings{given.first, {}};
+  for (const auto& [name, low, high] : given.second) settings.ranges.push_back({name, low, high});
+  environment.set_parameter_settings(std::move(settings));
+}
+
 void require_alive(bool alive, std::uint32_t id) {
   if (!alive) throw common::UserError("object " + std::to_string(id) + " is not alive");
 }
@@ -333,6 +351,14 @@ class Simulation {
     const Exclusive use(in_use_);
     python::randomise(environment_, name, readable(low), readable(high));
   }
+  ParameterSettings parameter_settings() const {
+    const Exclusive use(in_use_);
+    return python::parameter_settings(environment_);
+  }
+  void set_parameter_settings(const ParameterSettings& settings) {
+    const Exclusive use(in_use_);
+    python::set_parameter_settings(environment_, settings);
+  }
   void place(const std::string& field, const std::vector<std::uint32_t>& ids, const Array<double>& values) {
     const Exclusive use(in_use_);
     python::place(environment_, field, ids, readable(values));
@@ -420,8 +446,9 @@ class Batch {
         batch_(make_batch(std::move(options), seeds, threads, static_cast<simulation::Autoreset>(autoreset),
                           overrides)) {
     const Environment& first = batch_->world(0);
-    action_shape_ = {batch_->world_count(), static_cast<py::ssize_t>(first.simulation().actuators().size()),
-                     first.scene().surface.rows, first.scene().surface.columns};
+    const scene::SurfaceSpec& surface = first.scene().surface;
+    action_shape_ = {batch_->world_count(), static_cast<py::ssize_t>(surface.actuator_channels().size()),
+                     surface.rows, surface.columns};
   }
 
   // For what does not change after construction: another thread may be using the worlds.
@@ -510,6 +537,14 @@ class Batch {
       python::randomise(batch_->mutable_world(world), name, readable(low).subspan(row * size, size),
                         readable(high).subspan(row * size, size));
     });
+  }
+  ParameterSettings parameter_settings(int index) const {
+    const Exclusive use(in_use_);
+    return python::parameter_settings(world(index));
+  }
+  void set_parameter_settings(int index, const ParameterSettings& settings) {
+    const Exclusive use(in_use_);
+    python::set_parameter_settings(batch_->mutable_world(check(index)), settings);
   }
   // values: worlds × ids × numbers of the field.
   void place(const std::string& field, const std::vector<int>& worlds, const std::vector<std::uint32_t>& ids,
@@ -679,6 +714,11 @@ PYBIND11_MODULE(_core, m) {
           })
       .def_property_readonly(
           "seed", [](const Simulation& s) { return s.read([](const Environment& e) { return e.seed(); }); })
+      .def_property_readonly(
+          "object_count",
+          [](const Simulation& s) {
+            return s.read([](const Environment& e) { return e.simulation().catalogue().size(); });
+          })
       .def("label",
            [](const Simulation& s, std::uint32_t id) {
              return s.read([id](const Environment& e) { return e.simulation().label(id); });
@@ -696,6 +736,8 @@ PYBIND11_MODULE(_core, m) {
       .def("parameter", &Simulation::parameter)
       .def("set_parameter", &Simulation::set_parameter)
       .def("randomise", &Simulation::randomise)
+      .def("parameter_settings", &Simulation::parameter_settings)
+      .def("set_parameter_settings", &Simulation::set_parameter_settings)
       .def("place", &Simulation::place)
       .def("set_wrenches", &Simulation::set_wrenches)
       .def("render", &Simulation::render)
@@ -734,6 +776,8 @@ PYBIND11_MODULE(_core, m) {
       .def("parameter", &Batch::parameter)
       .def("set_parameter", &Batch::set_parameter)
       .def("randomise", &Batch::randomise)
+      .def("parameter_settings", &Batch::parameter_settings)
+      .def("set_parameter_settings", &Batch::set_parameter_settings)
       .def("place", &Batch::place)
       .def("set_wrenches", &Batch::set_wrenches)
       .def("record", &Batch::record)

@@ -5,7 +5,10 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <string>
+#include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "common/files/FileKind.h"
 #include "smartsurf/script/ScriptContext.h"
@@ -186,6 +189,20 @@ struct Experiment::Impl {
     return keep_registered;
   }
 
+  // While it lives, the calls are those of a function that observes the state.
+  class Observing {
+   public:
+    Observing(ScriptContext& context, std::string_view kind, std::string name = {}) : context_(context) {
+      context_.observer.emplace(ScriptContext::Observer{kind, std::move(name), {}, {}});
+    }
+    ~Observing() { context_.observer.reset(); }
+    Observing(const Observing&) = delete;
+    Observing& operator=(const Observing&) = delete;
+
+   private:
+    ScriptContext& context_;
+  };
+
   // The number that a callback returns; NaN for nil if that is allowed.
   double number_of(int callback, const std::string& subject, bool nil_is_nan) {
     push_result(callback);
@@ -342,6 +359,7 @@ std::optional<double> Experiment::episode_s() const { return impl_->session.epis
 
 double Experiment::reward(double t_s, std::uint64_t tick) {
   impl_->set_time(t_s, tick);
+  const Impl::Observing observing(impl_->session, "reward");
   return impl_->session.reward ? impl_->number_of(*impl_->session.reward, "reward", false) : 0.0;
 }
 
@@ -351,6 +369,7 @@ std::optional<double> Experiment::success(double t_s, std::uint64_t tick) {
   if (!impl_->session.success) return std::nullopt;
   return impl_->judge(t_s, tick, [&] {
     lua_State* const L = impl_->interpreter.lua();
+    const Impl::Observing observing(impl_->session, "success");
     impl_->push_result(*impl_->session.success);
     std::optional<double> reached_s;
     if (lua_toboolean(L, -1) != 0) reached_s = lua_type(L, -1) == LUA_TNUMBER ? lua_tonumber(L, -1) : t_s;
@@ -361,6 +380,7 @@ std::optional<double> Experiment::success(double t_s, std::uint64_t tick) {
 
 void Experiment::update_metrics(double t_s, std::uint64_t tick) {
   for (const auto& [metric, callback] : impl_->session.metric_functions) {
+    const Impl::Observing observing(impl_->session, "metric", impl_->session.metrics[metric].first);
     const double value =
         impl_->judge(t_s, tick, [&, id = callback] { return impl_->number_of(id, "metric", true); });
     impl_->session.metrics[metric].second = value;
@@ -379,6 +399,7 @@ void Experiment::info(double t_s, std::uint64_t tick, std::span<double> values) 
   std::size_t i = 0;
   for (const script::InfoField& field : impl_->session.info) {
     if (!field.object) {
+      const Impl::Observing observing(impl_->session, "info", field.name);
       values[i++] = impl_->number_of(field.callback, "info." + field.name, true);
       continue;
     }

@@ -6,7 +6,17 @@
 
 namespace smartsurf::script {
 
+Random ScriptContext::observer_stream(const std::string& purpose) const {
+  std::string text = "observe ";
+  text.append(observer->kind).append(" ").append(observer->name).append(" ").append(std::to_string(tick));
+  return Random::stream(spec.world.seed, text + purpose);
+}
+
 Random& ScriptContext::random_stream(lua_State* L) {
+  if (observer) {
+    if (!observer->random) observer->random = observer_stream("");
+    return *observer->random;
+  }
   const Purpose purpose = phase == Phase::kLoading ? Purpose::kLoad
                           : resetting              ? Purpose::kReset
                                                    : Purpose::kStep;
@@ -19,9 +29,11 @@ Random& ScriptContext::random_stream(lua_State* L) {
 
 Random& ScriptContext::random_stream(lua_State* L, const std::string& name) {
   constexpr std::size_t kMaxStreams = 1000;
-  const auto found = std::ranges::find(named_random, name, &std::pair<std::string, Random>::first);
-  if (found != named_random.end()) return found->second;
-  if (named_random.size() >= kMaxStreams) throw ScriptError("random_stream: more than 1000 streams");
+  auto& streams = observer ? observer->named_random : named_random;
+  const auto found = std::ranges::find(streams, name, &std::pair<std::string, Random>::first);
+  if (found != streams.end()) return found->second;
+  if (streams.size() >= kMaxStreams) throw ScriptError("random_stream: more than 1000 streams");
+  if (observer) return streams.emplace_back(name, observer_stream(" named " + name)).second;
   if (!has_drawn()) random_first_use = interpreter->current_location(L);
   return named_random.emplace_back(name, Random::stream(spec.world.seed, "named " + name)).second;
 }

@@ -8,6 +8,8 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -58,6 +60,16 @@ struct ScriptContext : Sandbox {
   std::vector<std::pair<std::string, Random>> named_random;
   std::string random_first_use;  // "FILE:LINE"
   bool resetting = false;        // on_reset is running
+  // The function that observes the state, while it runs: reward, success, info{} or metric(). Nothing else
+  // may depend on whether, or how often, it is called: each call draws from streams of the seed, the name and
+  // the tick.
+  struct Observer {
+    std::string_view kind;
+    std::string name;
+    std::optional<Random> random;
+    std::vector<std::pair<std::string, Random>> named_random;
+  };
+  std::optional<Observer> observer;
 
   EventQueue event_queue;
   std::vector<int> on_tick, on_leave, on_finish, on_reset;  // indices into `callbacks`
@@ -83,6 +95,7 @@ struct ScriptContext : Sandbox {
   // world.seed must not differ.
   Random& random_stream(lua_State* L);
   Random& random_stream(lua_State* L, const std::string& name);
+  Random observer_stream(const std::string& purpose) const;  // of the call of `observer`
   bool has_drawn() const { return !random_first_use.empty(); }
 };
 

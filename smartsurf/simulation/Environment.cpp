@@ -243,6 +243,26 @@ void Environment::randomise(const SceneParameter& parameter, std::span<const dou
   ranges_are_valid_ = false;
 }
 
+Environment::ParameterSettings Environment::parameter_settings() const {
+  ParameterSettings settings{set_values_, {}};
+  for (const auto& [parameter, low, high] : ranges_) settings.ranges.push_back({parameter.name(), low, high});
+  return settings;
+}
+
+void Environment::set_parameter_settings(ParameterSettings settings) {
+  std::vector<Range> ranges;
+  for (auto& [name, low, high] : settings.ranges) {
+    const SceneParameter parameter = find_parameter(name);
+    if (low.size() != parameter.size() || high.size() != parameter.size())
+      throw scene::InputError(scene().file + ": parameter '" + name + "' has another number of values");
+    ranges.push_back({parameter, std::move(low), std::move(high)});
+  }
+  if (!settings.values.empty()) require_valid(settings.values);
+  set_values_ = std::move(settings.values);
+  ranges_ = std::move(ranges);
+  ranges_are_valid_ = false;
+}
+
 bool Environment::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   return running().place(id, update);
 }
@@ -286,9 +306,12 @@ void Environment::restore(std::string_view bytes) {
   const std::string prefix = scene().file + ": restore: ";
   if (bytes.size() < sizeof header || (start(header), header.magic != Header().magic))
     throw scene::InputError(prefix + "these bytes are not a saved state");
-  if (engine_version_.empty()) throw scene::InputError(prefix + "no episode has started yet: reset it");
-  if (header.fingerprint != fingerprint())
-    throw scene::InputError(prefix + "the state is of another experiment, option, engine or version");
+  const auto require_same_experiment = [&] {
+    if (header.fingerprint != fingerprint())
+      throw scene::InputError(prefix + "the state is of another experiment, option, engine or version");
+  };
+  const bool has_engine = !engine_version_.empty();  // since the first episode that could start
+  if (has_engine) require_same_experiment();
   const std::string_view payload = bytes.substr(sizeof header);
   if (header.hash != hash_of(payload)) throw scene::InputError(prefix + "the state is damaged");
   common::StateArchive archive(payload);
@@ -297,6 +320,7 @@ void Environment::restore(std::string_view bytes) {
   // What seed and parameters determine besides the state: faults, actuators, shapes, and what the script
   // draws while it loads.
   if (!simulation_ || header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
+  if (!has_engine) require_same_experiment();
   failed_ = true;  // until everything is restored
   experiment_->restore(archive);
   simulation_->archive(archive);

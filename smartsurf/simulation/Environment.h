@@ -88,6 +88,20 @@ class Environment {
   // empty: no longer.
   void randomise(const SceneParameter&, std::span<const double> low, std::span<const double> high);
 
+  // All that set_parameter() and randomise() have set, in the order in which it applies, and the same for
+  // another environment of the experiment, of which it takes the place.
+  using Values = std::vector<std::pair<std::string, std::vector<double>>>;
+  struct NamedRange {
+    std::string name;
+    std::vector<double> low, high;
+  };
+  struct ParameterSettings {
+    Values values;
+    std::vector<NamedRange> ranges;
+  };
+  ParameterSettings parameter_settings() const;
+  void set_parameter_settings(ParameterSettings);
+
   // Between two steps, as the script's teleport; observations follow with the next step. False if the object
   // is not alive.
   bool place(scene::ObjectId, const scene::ObjectStateUpdate&);
@@ -120,8 +134,6 @@ class Environment {
   void observe(std::span<float> values) const;
 
  private:
-  // The values of parameters by name, in the order in which they apply.
-  using Values = std::vector<std::pair<std::string, std::vector<double>>>;
   struct Range {
     SceneParameter parameter;
     std::vector<double> low, high;

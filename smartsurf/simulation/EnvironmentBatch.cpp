@@ -45,16 +45,30 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
       worlds_(seeds.size()) {
   options_.threads = 1;
   options_.fixed_channels = true;
-  for_each_world([&](std::size_t i) {
+  const auto load = [&](std::size_t i, std::uint64_t seed) {
     EnvironmentOptions own = options_;
-    own.seed = seeds[i];
+    own.seed = seed;
     if (!overrides.empty())
       own.overrides.insert(own.overrides.end(), overrides[i].begin(), overrides[i].end());
     worlds_[i].environment = std::make_unique<Environment>(std::move(own), Environment::Start::kLater);
-    worlds_[i].seed = worlds_[i].started_seed = worlds_[i].environment->seed();
+  };
+  run_worlds([&](std::size_t i) {
+    worlds_[i].seed = worlds_[i].started_seed = seeds[i];
+    load(i, seeds[i]);
   });
+  throw_if_all_failed();
+  // A world whose script fails with its seed waits with the script of another one's for a reset.
+  const std::uint64_t good_seed =
+      std::ranges::find_if(worlds_, [](const World& world) { return world.error.empty(); })->seed;
+  for (std::size_t i = 0; i < worlds_.size(); ++i)
+    if (!worlds_[i].environment) try {
+        load(i, good_seed);
+      } catch (const std::exception&) {
+        throw_error(i);  // not the seed's
+      }
   // All that their steps touch comes to lie together, apart from scripts and scenes.
   run_worlds([&](std::size_t i) {
+    if (!worlds_[i].error.empty()) return;
     worlds_[i].environment->start();
     worlds_[i].locate_simulation();
   });
@@ -153,21 +167,12 @@ void EnvironmentBatch::run_worlds(const Work& work) {
   });
 }
 
-template <class Work>
-void EnvironmentBatch::for_each_world(const Work& work) {
-  run_worlds(work);
-  throw_first_error();
+void EnvironmentBatch::throw_error(std::size_t i) const {
+  throw scene::InputError("world " + std::to_string(i) + ": " + worlds_[i].error);
 }
 
-void EnvironmentBatch::throw_first_error() {
-  for (std::size_t i = 0; i < worlds_.size(); ++i)
-    if (!worlds_[i].error.empty())
-      throw scene::InputError("world " + std::to_string(i) + ": " + worlds_[i].error);
-}
-
-void EnvironmentBatch::throw_if_all_failed() {
-  if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); }))
-    throw_first_error();
+void EnvironmentBatch::throw_if_all_failed() const {
+  if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); })) throw_error(0);
 }
 
 void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateArrays& a) {

@@ -65,8 +65,8 @@ class EnvironmentBatch {
  public:
   // One world per seed. `options.seed` and `options.threads` are ignored: a world computes on one thread, and
   // there are at most as many threads as worlds.
-  // Throws as Environment does, the message preceded by the world's number if worlds differ. If only some
-  // worlds cannot start, they fail in their first step.
+  // Throws as Environment does, the message preceded by the world's number, if all worlds fail or an option
+  // of one is wrong. If only some worlds cannot start, they have error(), and fail in their first step.
   // `overrides`: besides those of the options, for each world, or empty.
   using Overrides = std::vector<std::pair<std::string, std::string>>;
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
@@ -145,12 +145,10 @@ class EnvironmentBatch {
   // Runs the work for every world. Afterwards the worlds whose work has thrown have an error.
   template <class Work>
   void run_worlds(const Work&);
-  template <class Work>
-  void for_each_world(const Work&);
   void write_objects(std::size_t, const StateArrays&) const;
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
-  void throw_first_error();
-  void throw_if_all_failed();
+  [[noreturn]] void throw_error(std::size_t) const;
+  void throw_if_all_failed() const;
   void collapse_huge_pages() const;
   std::size_t prefetched_bytes() const;
   // What the step of the world after this one touches, apart from its script, if it is not in the cache.

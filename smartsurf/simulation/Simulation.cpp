@@ -263,7 +263,12 @@ bool Simulation::is_on_table(scene::ObjectId id) const {
   return departures_.is_on_table({p.x(), p.y(), p.z()});
 }
 
-std::string Simulation::label(scene::ObjectId id) const { return catalogue_[id].label; }
+std::string Simulation::label(scene::ObjectId id) const {
+  if (id >= catalogue_.size())
+    throw scene::InputError("object " + std::to_string(id) + ": there are " +
+                            std::to_string(catalogue_.size()));
+  return catalogue_[id].label;
+}
 
 std::vector<scene::ObjectId> Simulation::find_objects(const std::optional<std::string>& label) const {
   std::vector<scene::ObjectId> found;

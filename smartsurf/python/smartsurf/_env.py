@@ -4,6 +4,7 @@ from __future__ import annotations
 import os
 import pathlib
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +40,8 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
         controller. It goes on at a reset and takes no seed. timeout: seconds to wait for it and for its frames.
     reward, done: functions of (observation, action) and of (observation): the reward instead of the script's, and
         another end of the episode. gymnasium.wrappers.TimeLimit gives an episode a length.
-    record: a folder, in which each episode is recorded as episode-000001.h5, … (docs/recordings.md).
+    record: a folder, in which each episode is recorded as episode-000001.h5, … (docs/recordings.md). A copy does not record,
+        and a warning says so.
     strict: refuse actions with NaN or infinite values. Otherwise NaN becomes the channel's safe value, infinite values are
         clamped, and `info["nonfinite_actions"]` counts both.
 
@@ -130,6 +132,8 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
     def __reduce__(self) -> tuple[Any, ...]:
         if self._live:
             raise TypeError("an Env of a live surface cannot be pickled: attach where the surface is needed")
+        if self._record is not None:
+            warnings.warn("a copy of this environment does not record: its folder has the episodes of this one", stacklevel=2)
         return _unpickled, (type(self), self.simulation, self._arguments, self._np_random, self._np_random_seed)
 
     def render(self) -> Any:

@@ -81,7 +81,9 @@ class LiveSurface(Surface):
 
     def reset(self, seed: int | None = None) -> None:
         """Returns the targets to the channels' safe values, which the next step() sends. The surface goes on: it cannot be
-        reset to a seed."""
+        reset to a seed. Raises RuntimeError once it has closed."""
+        if self.closed:
+            raise RuntimeError(f"surface {self.name} has closed: no episode can follow; attach again where it runs")
         if seed is not None:
             raise ValueError(f"surface {self.name} runs in another process: it cannot be reset to a seed")
         for channel in self.actuator_channels:

@@ -84,7 +84,7 @@ class MinariCollector(gymnasium.vector.VectorWrapper):
 
     def create_dataset(self, dataset_id: str, **keywords: Any) -> Any:
         """Writes the episodes as the data set DATASET_ID, such as "table/flat-v0", to Minari's folder (MINARI_DATASETS_PATH), and
-        returns it. The next reset starts another one. keywords: those of minari.create_dataset_from_buffers, such as
+        returns it. The next reset starts another one. If Minari raises, the episodes stay for the next call. keywords: those of minari.create_dataset_from_buffers, such as
         algorithm_name, author, description and env, a Gymnasium id."""
         import dataclasses
 
@@ -93,11 +93,12 @@ class MinariCollector(gymnasium.vector.VectorWrapper):
             self._end(i)
         if not self._episodes:
             raise ValueError("create_dataset: there is no episode; call reset() and step()")
-        episodes, self._episodes = self._episodes, []
         spaces = dict(observation_space=self.env.single_observation_space, action_space=self.env.single_action_space)
-        return minari.create_dataset_from_buffers(
-            dataset_id, [dataclasses.replace(episode, id=k) for k, episode in enumerate(episodes)], jpeg_encoding=False,
+        dataset = minari.create_dataset_from_buffers(
+            dataset_id, [dataclasses.replace(episode, id=k) for k, episode in enumerate(self._episodes)], jpeg_encoding=False,
             **{**spaces, **keywords})
+        self._episodes = []
+        return dataset
 
 
 def _of(observations: Any, world: int) -> Any:

@@ -92,10 +92,10 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         if self.task is not None:
             _, info = self.task.reset(seed=drawn)
             self._targets[...] = self.task.worlds._safe
-            return self._observations(), self._each(info)
+            return self._observations(), self._of_each(info)
         self.simulation.reset(drawn)
-        return self._observations(), self._each({"seed": self.simulation.seed, "success": False, "nonfinite_actions": 0,
-                                                 **self.simulation.info})
+        return self._observations(), self._of_each({"seed": self.simulation.seed, "success": False, "nonfinite_actions": 0,
+                                                    **self.simulation.info})
 
     def step(self, actions: Mapping[str, ArrayLike]) -> tuple[dict[str, FloatArray], dict[str, float], dict[str, bool],
                                                               dict[str, bool], dict[str, Any]]:
@@ -125,7 +125,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
             if terminated or truncated:
                 info["metrics"] = s.finish()
         result = (self._observations(), self._each(reward), self._each(terminated), self._each(truncated),
-                  self._each(info))
+                  self._of_each(info))
         if terminated or truncated:
             self.agents = []
         return result
@@ -138,6 +138,10 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
 
     def _each(self, value: Any) -> dict[str, Any]:
         return {agent: value for agent in self.possible_agents}
+
+    def _of_each(self, info: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        """A dict for each agent."""
+        return {agent: dict(info) for agent in self.possible_agents}
 
     def close(self) -> None:
         if self.task is not None:

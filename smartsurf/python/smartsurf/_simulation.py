@@ -96,8 +96,6 @@ class Simulation(Surface):
         self._arguments: dict[str, Any] = dict(experiment=os.fspath(experiment), set=dict(set or {}), threads=threads,
                                                engine=engine, extensions=[os.fspath(path) for path in extensions],
                                                source=source)
-        self._set_values: dict[str, Numbers] = {}
-        self._ranges: dict[str, tuple[Numbers, Numbers]] = {}
         self._success = False
         self.experiment = os.fspath(experiment)
         self._description = self._core.describe()
@@ -119,8 +117,12 @@ class Simulation(Surface):
         return objects
 
     def label(self, id: int) -> str:
-        """The label of an object."""
-        return self._core.label(id)
+        """The label of an object, also of one that is gone."""
+        count = self._core.object_count
+        if not isinstance(id, (int, np.integer)) or not 0 <= id < count:
+            raise ValueError(f"object {id!r}: must be 0 to {count - 1}, of the {count} objects so far" if count else
+                             f"object {id!r}: there is no object so far")
+        return self._core.label(int(id))
 
     @property
     def metrics(self) -> dict[str, float]:
@@ -269,10 +271,7 @@ class Simulation(Surface):
         """Sets a parameter from the next reset() on, as if the script declared the value. Raises Error for a value that the
         script could not declare."""
         shape, _, _, per_cell = self._core.parameter(name)
-        checked = _parameters.numbers(name, values, tuple(shape), per_cell)
-        self._core.set_parameter(name, checked)
-        self._set_values.pop(name, None)  # later calls apply later
-        self._set_values[name] = checked
+        self._core.set_parameter(name, _parameters.numbers(name, values, tuple(shape), per_cell))
 
     def randomise(self, ranges: Mapping[str, Range | None]) -> None:
         """Draws parameters at each reset() from the range (low, high), uniformly, each number by itself, from a stream of
@@ -283,11 +282,9 @@ class Simulation(Surface):
                 raise ValueError(f"randomise: {name}: is a value for each cell; randomise faults.actuator or faults.sensor")
             if given is None:
                 self._core.randomise(name, np.zeros(0), np.zeros(0))
-                self._ranges.pop(name, None)
                 continue
             low, high = _parameters.limits(name, given, tuple(shape), is_whole)
             self._core.randomise(name, low, high)
-            self._ranges[name] = low, high
 
     def teleport(self, object: str | int | Sequence[int] | None = None, *, position: ArrayLike | None = None,
                  orientation: ArrayLike | None = None, velocity: ArrayLike | None = None,
@@ -308,7 +305,7 @@ class Simulation(Surface):
         self._core.set_wrenches(ids, _parameters.pushes(force, torque, (), len(ids), several))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (self._arguments, self._set_values, self._ranges, self.save(), self._targets.copy(), self._success)
+        return _unpickled, (self._arguments, self._core.parameter_settings(), self.save(), self._targets.copy(), self._success)
 
     def _check_process(self) -> None:
         if self._threads > 1 and self._process != os.getpid():
@@ -316,12 +313,10 @@ class Simulation(Surface):
                                "fork, or with threads=1")
 
 
-def _unpickled(arguments: dict[str, Any], values: dict[str, Numbers], ranges: dict[str, tuple[Numbers, Numbers]], state: bytes,
-               targets: NDArray[np.float32], success: bool) -> Simulation:
+def _unpickled(arguments: dict[str, Any], settings: Any, state: bytes, targets: NDArray[np.float32],
+               success: bool) -> Simulation:
     simulation = Simulation(**arguments)
-    for name, numbers in values.items():
-        simulation.set_parameter(name, numbers)
-    simulation.randomise(ranges)
+    simulation._core.set_parameter_settings(settings)
     simulation.restore(state)
     simulation._targets[...] = targets
     simulation._success = success

@@ -41,17 +41,19 @@ class State:
     """What a task's functions see: the arrays of all worlds after a step. Read-only.
 
     sensors: readings by channel, worlds × rows × columns or worlds × components × rows × columns. actions: the commands of
-    the step by channel, likewise; those of the surface's start after a reset. goals: the numbers of Task.goals, worlds × …
+    the step by channel, likewise, clamped to the channel's range, with its safe value for NaN; those of the surface's start
+    after a reset. goals: the numbers of Task.goals, worlds × …
     time: since the start of the episode, s. ticks: the same in steps. period: of a step, s.
     position, orientation (x y z w), velocity, angular_velocity: of the declared objects, worlds × objects × 3 or 4, ascending
     by id; NaN of objects that are gone. info: the values of the script's info{}.
     """
 
     def __init__(self, sensors: dict[str, Array], actions: dict[str, Array], goals: dict[str, Array], time: Array, ticks: Array,
-                 period: float, objects: dict[str, Array] | None, labels: Sequence[str], info: dict[str, Array], to: Any):
+                 period: float, objects: dict[str, Array] | None, labels: Sequence[str], info: dict[str, Array], to: Any,
+                 cells: tuple[int, int] = (0, 0)):
         self.sensors, self.actions, self.goals, self.info = sensors, actions, goals, info
         self.time, self.ticks, self.period = time, ticks, period
-        self._objects, self._labels, self._to = objects, labels, to
+        self._objects, self._labels, self._to, self._cells = objects, labels, to, cells
 
     def _of(self, field: str, object: str | int | None) -> Array:
         if self._objects is None:
@@ -163,6 +165,8 @@ _FUNCTIONS = ("reward", "success", "failure", "observation", "metrics")
 def planes(state: State) -> Array:
     """The planes of all sensors: worlds × planes × rows × columns."""
     blocks = [values if values.ndim == 4 else values[:, None] for values in state.sensors.values()]
+    if not blocks:
+        return state._to(np.zeros((len(state.time), 0, *state._cells), np.float32))
     if len(blocks) == 1:
         return blocks[0]
     return np.concatenate([np.asarray(block) for block in blocks], axis=1)
@@ -209,7 +213,8 @@ class _Judge:
                 self.goals[name][which] = low + (high - low) * shares.reshape(len(which), *low.shape)
 
     def state(self, sensors: dict[str, FloatArray], actions: dict[str, FloatArray], time: Numbers, ticks: NDArray[Any],
-              period: float, objects: dict[str, FloatArray] | None, labels: Sequence[str], info: Info) -> State:
+              period: float, objects: dict[str, FloatArray] | None, labels: Sequence[str], info: Info,
+              cells: tuple[int, int]) -> State:
         def readable(values: Mapping[str, NDArray[Any]]) -> dict[str, Array]:
             out = {}
             for name, array in values.items():
@@ -218,7 +223,7 @@ class _Judge:
             return {name: self._to(array) for name, array in out.items()}
         clock = readable({"time": time, "ticks": ticks})
         return State(readable(sensors), readable(actions), readable(self.goals), clock["time"], clock["ticks"], period,
-                     None if objects is None else readable(objects), labels, readable(info), self._to)
+                     None if objects is None else readable(objects), labels, readable(info), self._to, cells)
 
     def flags(self, name: str, values: Array) -> Flags:
         return self._each(name, np.asarray(values, np.bool_))
@@ -259,6 +264,18 @@ class _Judge:
         return of_planes if type(self.task).observation is Task.observation else _space(observation)
 
 
+def _of_channels(of: Sequence[Channel], field: str) -> FloatArray:
+    """The values of a field, channels × 1 × 1."""
+    return np.array([getattr(channel, field) for channel in of], np.float32)[:, None, None]
+
+
+def _commands(actions: ArrayLike, of: Sequence[Channel]) -> FloatArray:
+    """What actuators make of actions: values within the channels' ranges, and the safe ones for NaN."""
+    commands: FloatArray = np.clip(np.asarray(actions, np.float32), _of_channels(of, "minimum"), _of_channels(of, "maximum"))
+    np.copyto(commands, _of_channels(of, "safe"), where=np.isnan(commands))
+    return commands
+
+
 def _goal_range(name: str, given: Any) -> tuple[Numbers, Numbers]:
     if not isinstance(given, (tuple, list)) or len(given) != 2:
         raise ValueError(f"goals: {name} = {given!r}: must be (low, high)")
@@ -281,7 +298,10 @@ class TaskVectorEnv(VectorEnv):
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Unpack[MostArguments]):
         self.task = task
         self._judge = _Judge(task, num_envs)
-        options = set if isinstance(set, Sequence) else {**task.set, **(set or {})}
+        def merged(own: Any) -> Any:
+            return {**task.set, **own} if isinstance(own, Mapping) else own
+        options = ([merged(own) for own in set] if isinstance(set, Sequence) and not isinstance(set, str)
+                   else merged({} if set is None else set))
         self._resets_itself = AutoresetMode(autoreset_mode) == AutoresetMode.SAME_STEP
         # The batch itself resets with NEXT_STEP only: a task's end of an episode follows its step.
         super().__init__(num_envs=num_envs, set=options, autoreset_mode=AutoresetMode.DISABLED if self._resets_itself
@@ -302,7 +322,7 @@ class TaskVectorEnv(VectorEnv):
             self.set_parameter(name, values)
         VectorEnv.randomise(self, task.randomise)
         self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
-        self._safe = np.array([channel.safe for channel in self.actuator_channels], np.float32)[:, None, None]
+        self._safe = _of_channels(self.actuator_channels, "safe")
         self._restart(self._seeds(arguments.get("seed"), self._batch.started_seed), np.ones(num_envs, np.bool_))
         observation = self._observe(self.state())
         self.single_observation_space = self._judge.space(observation, self.single_observation_space)
@@ -341,7 +361,8 @@ class TaskVectorEnv(VectorEnv):
                                  by_channel(self.actuator_channels, self._actions), self._time,
                                  np.rint(self._time / self.period).astype(np.int64), self.period, self.objects,
                                  self._description["objects"],
-                                 {name: values for name, values in self._fields.items() if name not in own})
+                                 {name: values for name, values in self._fields.items() if name not in own},
+                                 (self.rows, self.columns))
 
     def _task_infos(self) -> Info:
         infos = {name: values.copy() for name, values in self._fields.items()}
@@ -369,7 +390,8 @@ class TaskVectorEnv(VectorEnv):
         fresh = self._over & (not self._resets_itself) & (self.metadata["autoreset_mode"] != AutoresetMode.DISABLED)
         self._advance(given)
         script_over = self._terminated | self._truncated
-        self._actions[...] = self._safe if given is None else np.asarray(given, np.float32)  # None: a controller's are its own
+        # None: a controller's are its own.
+        self._actions[...] = self._safe if given is None else _commands(given, self.actuator_channels)
         if fresh.any():
             self._begin(fresh)
         failed = np.isnan(self._rewards)
@@ -496,7 +518,7 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
         ticks = np.array([s.tick - self._start])
         return self._judge.state({name: values[None] for name, values in s.sensors.items()},
                                  {name: values[None] for name, values in s.actuators.items()},
-                                 ticks * s.period, ticks, s.period, None, (), {})
+                                 ticks * s.period, ticks, s.period, None, (), {}, (s.rows, s.columns))
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Info]:
         super().reset(seed=seed)
@@ -519,7 +541,7 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
             if "error" in infos:
                 raise _core.Error(str(infos["error"][0]))
             return _first(observation), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first_infos(infos)
-        self._live._targets[...] = np.asarray(action, np.float32)
+        self._live._targets[...] = _commands(action, self._live.actuator_channels)
         _, closed, _ = self._live.step()
         state = self._live_state()
         success = bool(self._judge.flags("success", self.task.success(state))[0])

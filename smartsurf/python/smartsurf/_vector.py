@@ -81,6 +81,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
     the program's sliders and switches.
     record: a folder, in which episodes are recorded, world 3's first one as world-0003-episode-000001.h5 (docs/recordings.md).
+    A copy does not record, and a warning says so.
     record_worlds: which worlds, numbers or a mask [all]. record_every: the episodes 1, 1 + record_every, … of each [1].
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
@@ -116,6 +117,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                                   self._seeds(seed, lambda world: draw_seed(self.np_random)), threads,
                                   _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
+        self._records = record is not None
         self._recording: tuple[Any, ...] | None = None  # what the first reset() starts
         if record is not None:
             self._recording = (os.fspath(record), shlex.join(sys.argv), _parameters.world_numbers(record_worlds, num_envs),
@@ -134,9 +136,6 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.render_mode, self._render_size, self._camera = render_mode, render_size, camera
         self._strict, self._has_controller = strict, controllers is not None
         self._copy, self._same_step = copy, autoreset_mode == AutoresetMode.SAME_STEP
-        # By name: the values and the worlds that have them, in the order in which they apply.
-        self._set_values: dict[str, tuple[Numbers, Flags]] = {}
-        self._ranges: dict[str, tuple[Numbers, Numbers, Flags]] = {}
         self._rewards = np.zeros(num_envs)
         self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
         self._object_states: FloatArray | None = None
@@ -327,12 +326,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         which = _parameters.world_numbers(worlds, self.num_envs)
         shape, _, _, per_cell = self._parameter(name)
         checked = _parameters.numbers(name, values, (len(which), *shape), per_cell)
-        if not which:
-            return
-        self._batch.set_parameter(name, which, checked)
-        all_values, mask = self._set_values.pop(name, (np.zeros((self.num_envs, *shape)), np.zeros(self.num_envs, np.bool_)))
-        all_values[which], mask[which] = checked, True
-        self._set_values[name] = all_values, mask
+        if which:
+            self._batch.set_parameter(name, which, checked)
 
     def randomise(self, ranges: Mapping[str, Range | None], worlds: Worlds = None) -> None:
         """Draws parameters at each reset, as Simulation.randomise(); low and high broadcast to worlds × the parameter's
@@ -344,17 +339,11 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 raise ValueError(f"randomise: {name}: is a value for each cell; randomise faults.actuator or faults.sensor")
             if not which:
                 continue
-            nothing = (np.zeros((self.num_envs, *shape)), np.zeros((self.num_envs, *shape)), np.zeros(self.num_envs, np.bool_))
-            lows, highs, mask = self._ranges.pop(name, nothing)
             if given is None:
-                self._batch.randomise(name, which, np.zeros((len(which), 0)), np.zeros((len(which), 0)))
-                mask[which] = False
+                low = high = np.zeros((len(which), 0))
             else:
                 low, high = _parameters.limits(name, given, (len(which), *shape), is_whole)
-                self._batch.randomise(name, which, low, high)
-                lows[which], highs[which], mask[which] = low, high, True
-            if mask.any():
-                self._ranges[name] = lows, highs, mask
+            self._batch.randomise(name, which, low, high)
 
     def _parameter(self, name: str) -> tuple[tuple[int, ...], list[float], bool, bool]:
         shape, values, is_whole, per_cell = self._batch.parameter(name)[0]
@@ -403,27 +392,32 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         states = [self._batch.save(i) if self._batch.has_running_episode(i) else b"" for i in range(self.num_envs)]
         arrays = [array.copy() for array in (*self._state_arrays, self._rewards, self._terminated, self._truncated)]
         started = [self._batch.started_seed(i) for i in range(self.num_envs)]
-        return _unpickled, (type(self), self._arguments, self._set_values, self._ranges, started, states, arrays, over,
+        settings = [self._batch.parameter_settings(i) for i in range(self.num_envs)]
+        if self._records:
+            warnings.warn("a copy of this environment does not record: its folder has the episodes of this one", stacklevel=2)
+        return _unpickled, (type(self), self._arguments, settings, started, states, arrays, over,
                             getattr(self, "_np_random", None), self._object_states is not None)
 
 
-def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], values: dict[str, tuple[Numbers, Flags]],
-               ranges: dict[str, tuple[Numbers, Numbers, Flags]], started: list[int], states: list[bytes], arrays: list[Any],
-               over: list[bool], random: Any, has_objects: bool) -> VectorEnv:
+def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], settings: list[Any], started: list[int], states: list[bytes],
+               arrays: list[Any], over: list[bool], random: Any, has_objects: bool) -> VectorEnv:
     envs = cls(seed=started, **arguments)
-    for name, (numbers, mask) in values.items():
-        envs.set_parameter(name, numbers[mask], mask)
-    for name, (low, high, mask) in ranges.items():
-        envs.randomise({name: (low[mask], high[mask])}, mask)
+    for i, of_world in enumerate(settings):
+        envs._batch.set_parameter_settings(i, of_world)
     for i, state in enumerate(states):
         if state:
             envs._batch.restore(i, state)
+    # Those that could not start cannot here either, with the same values of parameters.
+    unstarted = [not state and (envs._same_step or not over[i]) for i, state in enumerate(states)]
+    again = [int(unstarted[i] and envs._batch.has_running_episode(i)) for i in range(envs.num_envs)]
+    if any(again):
+        envs._batch.reset(started, again)
+    # Those that the next step resets; with SAME_STEP only those that could not start in the same one.
+    envs._batch.end_episodes([int(one and (unstarted[i] or not envs._same_step)) for i, one in enumerate(over)])
     if has_objects:
         envs.objects
     for to, saved in zip((*envs._state_arrays, envs._rewards, envs._terminated, envs._truncated), arrays):
         to[...] = saved
-    if not envs._same_step:  # those that the next step resets
-        envs._batch.end_episodes([int(one) for one in over])
     envs._np_random = random
     return envs
 

@@ -149,7 +149,9 @@ class LocalPolicy:
         steps, the cells that compute in this step; the others keep memory and commands. links: bool, (…, 4 or 8, rows, columns),
         which neighbours a cell hears, in the order of TAPS without the own cell, see draw_links(); the others read as 0."""
         sensed = {name: _plane(observation, name) for name in self.inputs if name not in ("row", "column")}
-        shape = next(iter(sensed.values())).shape if sensed else next(iter(observation.values())).shape
+        if not observation:
+            raise ValueError("the observation is empty: it must have a sensor, whose shape tells rows and columns")
+        shape = next(iter(sensed.values())).shape if sensed else _plane(observation, next(iter(observation))).shape
         inputs = [sensed[name] if name in sensed else _coordinate(name, shape) for name in self.inputs]
         computes = None if active is None else np.broadcast_to(np.asarray(active, np.bool_), (self.steps, *shape))
         hears = None if links is None else self._links(links, shape)

@@ -99,6 +99,8 @@ class Environments(ExperimentTest):
             observation, reward, terminated, truncated, info = env.step(action)
         self.assertTrue(info["surface_closed"])
         self.assertNotIn("metrics", info)
+        with self.assertRaisesRegex(RuntimeError, f"^surface {name} has closed: no episode can follow"):
+            env.reset()
         env.close()
         self.assertEqual(simulator.wait(20), 0)
 
@@ -630,7 +632,7 @@ class VectorEnvironments(ExperimentTest):
                 copied = copy.deepcopy(envs)
                 for tick in range(30):
                     (*one, _), (*two, _) = (e.step(sampled(envs.action_space, tick)) for e in (envs, copied))
-                    if mode == AutoresetMode.NEXT_STEP:
+                    if mode != AutoresetMode.DISABLED:
                         np.testing.assert_array_equal(one[1], two[1])
                 self.assertTrue(np.isfinite(rewards).any())
         with self.assertRaisesRegex(smartsurf.Error, "world 0: .*early"):
@@ -638,6 +640,40 @@ class VectorEnvironments(ExperimentTest):
         strict = smartsurf.VectorEnv(path, 8, seed=0, strict=True)
         with self.assertRaisesRegex(smartsurf.Error, f"world {np.flatnonzero(bad[:8])[0]}: .*early"):
             strict.reset(seed=0)
+
+    def test_worlds_of_a_new_environment_that_cannot_start_wait_for_a_reset(self):
+        on_reset = "on_reset(function() if math.random(3) == 1 then error('early') end"
+        top = "if math.random(3) == 1 then error('early') end\n"
+        for text in (ENDINGS.replace("on_reset(function()", on_reset), top + ENDINGS):
+            path = self.script(text)
+            bad = np.array([self.fails_to_start(path, s) for s in range(200)])
+            first = next(s for s in range(100) if bad[s] and not bad[s:s + 4].all())
+            for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+                with self.subTest(text=text[:20], mode=mode.value):
+                    envs = smartsurf.VectorEnv(path, 4, 1, seed=first, autoreset_mode=mode)
+                    copied = copy.deepcopy(envs)
+                    for tick in range(40):
+                        (*one, infos), (*two, _) = (e.step(sampled(envs.action_space, tick)) for e in (envs, copied))
+                        for a, b in zip(one, two):
+                            np.testing.assert_array_equal(a, b)
+                        if tick == 0:
+                            np.testing.assert_array_equal(np.isnan(one[1]), bad[first:first + 4])
+                            self.assertIn("early", infos.get("final_info", infos)["error"][0])
+                    good = np.flatnonzero(~bad)[:4].tolist()
+                    envs.reset(seed=good)
+                    self.assertEqual([envs.state_hash(i) for i in range(4)],
+                                     [smartsurf.Simulation(path, seed=s).state_hash for s in good])
+                    state = envs.save(1)
+                    there = pickle.loads(pickle.dumps(envs))
+                    self.assertEqual(there.state_hash(1), envs.state_hash(1))
+                    fresh = smartsurf.VectorEnv(path, 4, 1, seed=first, autoreset_mode=mode)
+                    fresh.restore(0, state)  # in a world that has never started
+                    self.assertEqual(fresh.state_hash(0), envs.state_hash(1))
+            alone = int(np.flatnonzero(bad)[0])
+            with self.assertRaisesRegex(smartsurf.Error, "^world 0: .*early"):
+                smartsurf.VectorEnv(path, 1, seed=alone)
+        with self.assertRaisesRegex(smartsurf.Error, "^world 2: .*no option 'size'"):
+            smartsurf.VectorEnv(path, 3, seed=[alone, *good[:2]], set=[{}, {}, {"size": 2}])
 
     def test_a_seed_with_another_surface_is_refused(self):
         surfaces = ("local n = random() < 0.5 and 4 or 40\nsurface { rows = n, columns = n, actuator = pin { range = {0, 4} }, "
@@ -860,6 +896,26 @@ class RecordedWorlds(ExperimentTest):
         with self.assertRaisesRegex(ValueError, "record_every = 0"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
 
+    def test_a_copy_does_not_record_and_says_so(self):
+        path = self.script(CROWD)
+        for number, make in enumerate((lambda folder: smartsurf.Env(path, record=folder),
+                                       lambda folder: smartsurf.VectorEnv(path, 2, record=folder))):
+            folder = self.folder / str(number)
+            env = make(folder)
+            for copied in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
+                with self.assertWarnsRegex(UserWarning, "a copy of this environment does not record"):
+                    other = copied(env)
+                other.reset(seed=1)
+                other.step(sampled(other.action_space, 1))
+                other.close()
+                self.assertFalse(folder.exists())
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                copy.deepcopy(make(None))
+            env.reset(seed=1)
+            env.close()
+            self.assertTrue(folder.exists())
+
 
 class Agents(ExperimentTest):
     def test_pettingzoo_accepts_it(self):
@@ -879,7 +935,9 @@ class Agents(ExperimentTest):
             env.step({"block_0_0": np.zeros((2, 3))})
         with self.assertRaisesRegex(ValueError, "^actions: a list: must be a dict of agents"):
             env.step([1])
-        env.step({"block_1_2": np.full((1, 4, 4), 3, np.float32)})
+        infos = env.step({"block_1_2": np.full((1, 4, 4), 3, np.float32)})[4]
+        infos["block_0_0"]["mine"] = 1
+        self.assertNotIn("mine", infos["block_0_1"])
         expected = np.zeros((16, 16), np.float32)
         expected[4:8, 8:12] = 3
         np.testing.assert_array_equal(env.simulation.actuators["height"][1:-1, 1:-1], expected[1:-1, 1:-1])

@@ -66,6 +66,20 @@ class DataSets(ExperimentTest):
         with self.assertRaisesRegex(ValueError, "there is no episode"):
             smartsurf.MinariCollector(Turn().make_vec(2)).create_dataset("table/none-v0")
 
+    def test_episodes_stay_until_they_are_written(self):
+        self.collect(smartsurf.VectorEnv(self.script(ENDINGS), 2))
+        collector = smartsurf.MinariCollector(smartsurf.VectorEnv(self.script(ENDINGS), 2))
+        collector.reset(seed=1)
+        for _ in range(30):
+            collector.step(np.ones(collector.action_space.shape, np.float32))
+        keywords = dict(algorithm_name="flat", author="nobody", author_email="nobody@example.org",
+                        code_permalink="https://example.org", description="of a test")
+        with self.assertRaisesRegex(ValueError, "table/random-v0"):  # is there already
+            collector.create_dataset("table/random-v0", **keywords)
+        self.assertGreater(collector.create_dataset("table/flat-v0", **keywords).total_steps, 50)
+        with self.assertRaisesRegex(ValueError, "there is no episode"):
+            collector.create_dataset("table/more-v0", **keywords)
+
 
 if __name__ == "__main__":
     unittest.main()

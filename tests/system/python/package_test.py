@@ -1,4 +1,5 @@
 """The package without Gymnasium: simulations, saved states, errors, processes."""
+import copy
 import gc
 import multiprocessing
 import os
@@ -222,6 +223,49 @@ class RandomStreams(ExperimentTest):
             for j, other in enumerate(names[:i]):
                 with self.subTest(one=one, other=other):
                     self.assertLess(abs(correlation[i, j]), 0.2)
+
+    def test_functions_that_observe_change_no_other_random_number(self):
+        drawn = "random() + math.random() + random_stream('shared')"
+        text = """surface { rows = 4, columns = 4, actuator = pin { range = {0, 1} }, sensors = { proximity { range = 4 } } }
+local b = sphere { radius = 0.4, position = {1.5, 1.5, 2} }
+every(0.05, function() object(b):push { force = {random(-1, 1), random_stream('shared', -1, 1), 0}, seconds = 0.1 } end)
+"""
+        functions = f"""info {{ a = function() return {drawn} end, b = function() return {drawn} end }}
+reward(function() return {drawn} end)
+success(function() return {drawn} < 0 end)
+metric('drawn', function() return {drawn} end)
+"""
+
+        def start(script):
+            return smartsurf.Simulation(self.script(script, "experiment.lua"), seed=3)
+        plain, read, unread = start(text), start(text + functions), start(text + functions)
+        hashes, seen = [], []
+        for tick in range(20):
+            reward, _, _ = read.step()
+            info = read.info
+            self.assertEqual(read.info, info)
+            seen.append((reward, info["a"], info["b"], read.metrics["drawn"]))
+            plain.step(), unread.step()
+            hashes.append({one.state_hash for one in (plain, read, unread)})
+        self.assertEqual([len(of_tick) for of_tick in hashes], [1] * 20)
+        self.assertEqual(len(set(sum(seen, ()))), 80)
+        state = read.save()
+        copied = copy.deepcopy(read)
+        expected = [(read.step(), read.info, read.metrics, read.state_hash) for _ in range(10)]
+        unread.restore(state)
+        for one in (copied, unread):
+            self.assertEqual([(one.step(), one.info, one.metrics, one.state_hash) for _ in range(10)], expected)
+        read.reset(4)
+        self.assertNotEqual(read.step()[0], seen[0][0])
+        # What smartsurf run does not call, or calls at other times.
+        read.reset(3)
+        read.record(self.folder / "drawn.h5")
+        for _ in range(30):
+            read.step(), read.info
+        read.stop_recording()
+        verified = subprocess.run([os.environ["SMARTSURF"], "replay", str(self.folder / "drawn.h5"), "--verify"],
+                                  capture_output=True, text=True, timeout=120)
+        self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
 
     def test_a_stream_with_a_name_does_not_depend_on_other_draws(self):
         def draws(before):
@@ -458,6 +502,10 @@ class Errors(ExperimentTest):
             with self.assertRaisesRegex(ValueError, message):
                 s.step(actions)
         for call, message in ((lambda: s.restore("state"), "a str is not a saved state"),
+                              (lambda: s.label(10), "object 10: must be 0 to 9, of the 10 objects so far"),
+                              (lambda: s.label(10**30), "object 10{30}: must be 0 to 9"),
+                              (lambda: s.label(-1), "object -1: must be 0 to 9"),
+                              (lambda: s.label("ball"), "object 'ball': must be 0 to 9"),
                               (lambda: s.render(0, 100), "width = 0: must be"),
                               (lambda: s.render(100.5, 100), "width = 100.5: must be")):
             with self.assertRaisesRegex(ValueError, message) as raised:
@@ -476,6 +524,10 @@ class Errors(ExperimentTest):
                 smartsurf.LocalPolicy(inputs, actions, layers, memory)
         with self.assertRaisesRegex(ValueError, r"'proximity' has shape \(4,\)"):
             smartsurf.LocalPolicy(["proximity"], [("height", 0, 4)], layers)({"proximity": np.zeros(4)})
+        for observation, message in (({}, "the observation is empty: it must have a sensor"),
+                                     ({"proximity": np.zeros(4)}, r"'proximity' has shape \(4,\)")):
+            with self.assertRaisesRegex(ValueError, message):
+                smartsurf.LocalPolicy(["row"], [("height", 0, 4)], layers)(observation)
 
     def test_an_episode_that_cannot_start(self):
         s = smartsurf.Simulation(self.script("surface { rows = 4, columns = 4, actuator = pin {} }\n"

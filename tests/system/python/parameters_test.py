@@ -84,6 +84,12 @@ def command(tick, seed, shape):
     return np.random.default_rng((seed, tick // 4)).uniform(-1, 4, shape).astype(np.float32)
 
 
+class Randomised(smartsurf.Task):
+    scene = scene()
+    parameters = {"surface.friction": 0.4}
+    randomise = {"object.box.mass": (1, 2), "object.box.friction": (0.1, 0.2)}
+
+
 class Parameters(ExperimentTest):
     def assert_equal_worlds(self, envs, world, other, ticks, seed):
         """other: a Simulation."""
@@ -425,6 +431,39 @@ end)""", "moved.lua")
                         np.testing.assert_array_equal(x, y)
                     np.testing.assert_array_equal(a[4]["seed"], b[4]["seed"])
                     self.assertEqual(a[4].keys(), b[4].keys())
+
+    def test_a_pickled_copy_has_the_parameters_in_the_order_of_each_world(self):
+        mass = "object.box.mass"
+        envs = Randomised().make_vec(2, threads=1)
+        envs.randomise({mass: None})
+        envs.randomise({"object.box.friction": None}, worlds=[1])
+        envs.set_parameter(mass, 7)
+        plain = smartsurf.VectorEnv(self.script(scene()), 2, 1)
+        plain.set_parameter(mass, 7, worlds=[0])
+        plain.set_parameter("object.*.mass", 6, worlds=[0])
+        plain.set_parameter("object.*.mass", 5, worlds=[1])
+        plain.set_parameter(mass, 8, worlds=[1])
+        ranges = smartsurf.VectorEnv(self.script(scene()), 2, 1)
+        one = smartsurf.Simulation(self.script(scene()))
+        for world in (0, 1):
+            for name, limits in ((("object.*.mass", (1, 2)), (mass, (20, 30)), ("object.*.mass", (3, 4)))[world:]):
+                ranges.randomise({name: limits}, worlds=[world])
+                if world == 0:
+                    one.randomise({name: limits})
+        for env, expected in ((envs, [7, 7]), (plain, [6, 8]), (ranges, None)):
+            copied = pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(env))))
+            for other in (env, copied):
+                other.reset(seed=5)
+                if expected:
+                    self.assertEqual(other.get_parameter(mass).tolist(), expected)
+            for name in env.parameters:
+                if name.startswith(("object.box", "surface")):
+                    np.testing.assert_array_equal(env.get_parameter(name), copied.get_parameter(name), name)
+            self.assertEqual([env.state_hash(i) for i in range(2)], [copied.state_hash(i) for i in range(2)])
+        copied = pickle.loads(pickle.dumps(one))
+        one.reset(5), copied.reset(5)
+        self.assertTrue(3 <= one.get_parameter(mass) < 4)
+        self.assertEqual(one.get_parameter(mass), copied.get_parameter(mass))
 
     def test_refusals_are_one_line_and_change_nothing(self):
         path = self.script(scene())

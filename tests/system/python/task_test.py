@@ -142,6 +142,47 @@ class Tasks(ExperimentTest):
             actions = command(tick, plain.action_space.shape)
             self.assert_same(task.step(actions)[0], plain.step(actions)[0])
 
+    def test_a_surface_without_sensors_has_observations_without_planes(self):
+        class Blind(smartsurf.Task):
+            scene = "surface { rows = 4, columns = 6, actuator = pin { range = {0, 1} } }"
+
+        envs = Blind().make_vec(2)
+        self.assertEqual(envs.observation_space, smartsurf.VectorEnv(self.script(Blind.scene), 2).observation_space)
+        self.assertEqual(envs.reset(seed=1)[0].shape, (2, 0, 4, 6))
+        self.assertEqual(Blind().make().reset(seed=1)[0].shape, (0, 4, 6))
+
+    def test_options_of_each_world_add_to_those_of_the_task(self):
+        class Optional(Sensed):
+            scene = "option('a', 1)\noption('b', 1)\n" + SCENE
+            set = {"a": 5}
+
+        for given, expected in ((None, [1, 1]), ({"b": 2}, [2, 2]), ([{"b": 2}, {"b": 3}], [2, 3]), (({}, {"b": 3}), [1, 3])):
+            self.assertEqual(Optional().make_vec(2, set=given).options, [{"a": "5", "b": str(b)} for b in expected])
+        self.assertEqual([o["a"] for o in Optional().make_vec(2, set=[{"a": 2}, {}]).options], ["2", "5"])
+        for given in (5, "ab", [{}], [{}, 3]):
+            with self.assertRaisesRegex(ValueError, "^set = "):
+                Optional().make_vec(2, set=given)
+
+    def test_actions_of_the_state_are_the_commands(self):
+        class Judged(Sensed):
+            scene = SCENE
+
+            def reward(self, s):
+                return s.actions["height"].sum(axis=(1, 2))
+
+            def success(self, s):
+                return False
+
+        given = np.full((1, 6, 8), 0.5, np.float32)
+        given[0, 0, :5] = np.nan, 9, -3, np.inf, -np.inf
+        safe = smartsurf.Env(self.script(SCENE)).simulation.actuator_channels[0].safe
+        expected = 0.5 * (6 * 8 - 5) + safe + 2 + 0 + 2 + 0
+        envs, env = Judged().make_vec(2, threads=1), Judged().make()
+        envs.reset(seed=1), env.reset(seed=1)
+        self.assertEqual(envs.step(np.stack([given, given]))[1].tolist(), [expected] * 2)
+        self.assertEqual(envs.state().actions["height"][1, 0, :3].tolist(), [safe, 2, 0])
+        self.assertEqual(env.step(given)[1], expected)
+
     def test_cells_as_agents_see_and_are_rewarded_as_the_task_says(self):
         from pettingzoo.test import parallel_api_test
         cells, env = smartsurf.parallel_env(Sensed(), block=2, radius=0), Sensed().make()
