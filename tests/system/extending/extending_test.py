@@ -255,7 +255,7 @@ class Refusals(Installed):
             return "".join(self.run_program(SMARTSURF, "run", str(self.work / "belt.lua"), "--load", str(self.build("belt.c", *changes)),
                                             "--no-controller", "--ticks", "3")[1:])
         self.assertIn("belt: cannot be created: create() returns null", run(("belts* b = malloc(sizeof *b);", "return NULL;\n  belts* b = NULL;")))
-        self.assertIn("failed at tick 1: the actuator of row 1, column 1 gives it a speed that is not finite",
+        self.assertIn("failed at tick 1: the actuator of row 1, column 1 gives it a surface velocity that is not finite",
                       run(("surface_velocity_x[i] +=", "surface_velocity_x[i] = NAN +")))
 
     def test_an_extension_with_an_error_adds_nothing(self):
