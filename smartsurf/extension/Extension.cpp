@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 
+#include "common/files/ElfFile.h"
 #include "common/files/ReadFile.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
@@ -315,6 +316,8 @@ void load(const std::filesystem::path& path) {
     if (loaded.name == extension.name)
       throw common::UserError(file + ": another extension of this name is loaded already");
   }
+  if (const std::string cut = common::find_missing_segment(path); !cut.empty())
+    throw common::UserError(file + ": " + cut);
   // A path without a slash would be searched for in the system's folders.
   void* const library = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) throw common::UserError(file + ": cannot be loaded: " + dlerror());

@@ -88,6 +88,11 @@ class Extensions(Installed):
     def test_a_module_is_built_with_the_installed_header(self):
         call(CC, *STRICT, "-shared", "-fPIC", f"-I{self.prefix}/include/apron", "-o", self.work / "example.so", self.work / "example.c", "-lm")
         self.assertEqual(self.run_program(APRON, "run", str(self.work / "example.aps"), "--module", "example"), (0, "5\n", ""))
+        (self.work / "cut.so").write_bytes((self.work / "example.so").read_bytes()[:3000])
+        (self.work / "cut.aps").write_text((self.work / "example.aps").read_text().replace("example", "cut"))
+        status, _, err = self.run_program(APRON, "run", str(self.work / "cut.aps"), "--module", "cut")
+        self.assertEqual(status, 2, err)
+        self.assertIn("cut.so is cut short: it has 3000 bytes and needs ", err)
 
     def test_fields_are_checked_as_those_of_built_in_kinds(self):
         for text, message in (
@@ -206,6 +211,10 @@ class Refusals(Installed):
     def test_files_that_are_no_extensions(self):
         self.assertIn("none.so: cannot be read: No such file or directory", self.refusal(self.folder / "none.so"))
         self.assertIn("text.so: cannot be loaded: ", self.refusal(self.write("text.so", "text")))
+        whole, cut = (self.work / "built/belt.so").read_bytes(), self.folder / "cut.so"
+        for length in (len(whole) // 4, 3000, 100):
+            cut.write_bytes(whole[:length])
+            self.assertRegex(self.refusal(cut), rf"cut.so: is cut short: it has {length} bytes and needs \d+$")
         self.assertIn("it has no function smartsurf_plugin_get", self.refuse("belt.c", ("* smartsurf_plugin_get", "* another_get"),
                       ("#include <smartsurf_plugin.h>", '#include <smartsurf_plugin.h>\nconst smartsurf_plugin* another_get(void);')))
 
