@@ -4,6 +4,7 @@
 #include <exception>
 #include <string>
 
+#include "common/text/ClassicLocale.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/library/smartsurf.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -35,6 +36,7 @@ thread_local std::string last_error;
 // Runs a function of the interface: its exceptions become a status.
 template <class Work>
 smartsurf_status guarded(const Work& work) noexcept {
+  const common::ClassicLocale locale;
   try {
     work();
     return SMARTSURF_OK;

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/process/ChildWork.h"
+#include "common/text/ClassicLocale.h"
 
 namespace smartsurf::script {
 namespace {
@@ -248,6 +249,7 @@ int Interpreter::compile_metered(lua_State* L, std::string_view text, const char
 
 void Interpreter::call(int arguments, int results, const Budget& budget,
                        const std::string& fallback_location) {
+  const common::ClassicLocale locale;
   instruction_budget_ = budget.instructions;
   instructions_used_ = 0;
   budget_exceeded_ = false;

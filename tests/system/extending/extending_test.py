@@ -307,6 +307,20 @@ class Library(Installed):
              f"-Wl,-rpath,{self.library.parent}")
         self.assertEqual(call(program), "done\n")
 
+    def test_scripts_ignore_the_locale_of_the_host(self):
+        make = ["localedef", "-i", "de_DE", "-f", "UTF-8", self.folder / "de_DE.UTF-8"]
+        if not shutil.which("localedef") or subprocess.run(make, capture_output=True).returncode:
+            self.skipTest("no localedef, or it lacks de_DE")
+        text = (self.work / "lift.c").read_text()
+        self.assertIn("  const uint64_t seed", text)
+        self.write("host.c", "#include <locale.h>\n" + text.replace("  const uint64_t seed", "  setlocale(LC_ALL, \"\");\n  const uint64_t seed", 1))
+        call(CC, *STRICT, f"-I{self.include}", self.folder / "host.c", "-o", self.folder / "host", self.library,
+             f"-Wl,-rpath,{self.library.parent}")
+        script = self.write("lift.lua", (self.work / "lift.lua").read_text() +
+                            "\nprint(1.5, string.format('%.2f', 2.25), tonumber('1.25'), 'B' < 'a')\n")
+        out = call(self.folder / "host", script, env={**os.environ, "LOCPATH": str(self.folder), "LC_ALL": "de_DE.UTF-8"})
+        self.assertTrue(out.startswith("1.5\t2.25\t1.25\ttrue\n2,00 s"), out)
+
     def test_exports_only_the_c_functions_and_needs_no_opengl(self):
         symbols = [line.split() for line in call("nm", "-D", "--defined-only", self.library).splitlines()]
         others = [words[2] for words in symbols if words[1] != "A" and not words[2].startswith("smartsurf_")]

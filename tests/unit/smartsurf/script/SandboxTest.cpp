@@ -1,5 +1,7 @@
 #include <atomic>
 #include <chrono>
+#include <clocale>
+#include <cstdlib>
 #include <ctime>
 #include <random>
 #include <utility>
@@ -261,6 +263,23 @@ TEST_F(SandboxTest, LimitsStringLength) {
             "t.lua:1: string.gsub: a string is longer than 16 MiB");
   EXPECT_EQ(error_of("string.pack('c999999999', '')"),
             "t.lua:1: string.pack: a string is longer than 16 MiB");
+}
+
+TEST_F(SandboxTest, NumbersAndOrderIgnoreTheLocaleOfTheHost) {
+  const std::string target = (folder / "de_DE.UTF-8").string();
+  if (std::system(("localedef -i de_DE -f UTF-8 " + target + " > /dev/null 2>&1").c_str()) != 0)
+    GTEST_SKIP() << "no localedef, or it lacks de_DE";
+  ::setenv("LOCPATH", folder.c_str(), 1);
+  const bool is_set = std::setlocale(LC_ALL, "de_DE.UTF-8") != nullptr;
+  const bool has_comma = is_set && *std::localeconv()->decimal_point == ',';
+  if (has_comma)
+    load_on_surface(
+        "print(1.5, tostring(0.1), string.format('%.2f', 2.25), tonumber('1.25'), tonumber('1,25'), 'B' < "
+        "'a')");
+  std::setlocale(LC_ALL, "C");
+  ::unsetenv("LOCPATH");
+  ASSERT_TRUE(has_comma);
+  EXPECT_EQ(printed, "1.5\t0.1\t2.25\t1.25\tnil\ttrue\n");
 }
 
 TEST_F(SandboxTest, StopEndsScriptThatRuns) {
