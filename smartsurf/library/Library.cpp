@@ -115,6 +115,7 @@ void smartsurf_destroy(smartsurf_environment* environment) { delete environment;
 
 smartsurf_status smartsurf_step(smartsurf_environment* e, smartsurf_result* result) {
   return guarded([&] {
+    if (result != nullptr) read(result, "result");  // before the step, which cannot be undone
     const auto [reward, terminated, truncated, success] = e->environment.step();
     if (result != nullptr) write({0, reward, terminated, truncated, success}, result, "result");
   });
