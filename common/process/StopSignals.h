@@ -2,8 +2,15 @@
 #pragma once
 
 #include <atomic>
+#include <stdexcept>
 
 namespace common {
+
+// Work has ended early because the stop flag was raised.
+class Interrupted : public std::runtime_error {
+ public:
+  Interrupted() : std::runtime_error("interrupted") {}
+};
 
 // Installs the handlers and returns stop_flag(). The first signal raises both flags. Signals within the next
 // half second belong to the same request, because a supervisor signals the process and its group; a later one

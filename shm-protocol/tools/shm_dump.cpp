@@ -87,7 +87,11 @@ std::optional<Options> parse(int argc, char** argv) {
       argc, argv,
       {{"list", no_argument, [&](const char*) { o.list = true; }},
        {"clean", optional_argument,
-        [&](const char* prefix) { o.clean = true, o.clean_prefix = prefix ? prefix : ""; }},
+        [&](const char* prefix) {
+          if (prefix != nullptr && *prefix == '\0')
+            throw UserError("--clean=: must be the beginning of a name; without one, all are removed");
+          o.clean = true, o.clean_prefix = prefix ? prefix : "";
+        }},
        {"numbers", no_argument, show(dump::ArrayDisplay::kNumbers), 'n'},
        {"map", no_argument, show(dump::ArrayDisplay::kMap), 'm'},
        {"channel", required_argument, [&](const char* name) { o.format.channels.emplace_back(name); }, 'c'},

@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 
+#include "common/files/ElfFile.h"
 #include "common/files/ReadFile.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
@@ -22,6 +23,7 @@ namespace {
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr std::size_t kMaxNameLength = 27;  // as of sensors: the channels' names have a suffix
 constexpr std::size_t kMaxUnitLength = 15;  // of the shared-memory protocol
+constexpr double kMaxHeight = 1e6;          // u, as of all coordinates
 
 // FNV-1a.
 std::string hash_of(std::string_view content) {
@@ -113,6 +115,11 @@ Configuration configure(const Type& type, std::span<const scene::Parameter> para
       result.problem = std::string("channels: '") + channel.name +
                        "' needs a finite range that holds its neutral value, and at most " +
                        std::to_string(kMaxComponents<Type>) + " components";
+  for (const auto& [name, value] :
+       {std::pair("min_height", result.min_height), std::pair("max_height", result.max_height)})
+    if (result.problem.empty() && !(std::abs(value) <= kMaxHeight))
+      result.problem =
+          std::string(name) + " = " + scene::format_number(value) + ": must be in [-1000000, 1000000]";
   if (result.problem.empty() && !(result.min_height <= result.max_height))
     result.problem = "min_height: must not exceed max_height";
   return result;
@@ -266,8 +273,10 @@ std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::s
 
 void register_kind(const scene::ActuatorKind& kind, const smartsurf_plugin_actuator& type,
                    const std::vector<scene::Parameter>& parameters) {
-  surface::register_actuator(kind, [&type, &parameters](const surface::ActuatorContext& context) {
-    return std::make_unique<PluginActuator>(type, parameters, context);
+  surface::register_actuator(kind, [&type, &parameters, height_limits = kind.height_limits](
+                                       const surface::ActuatorContext& context) {
+    const auto min_height = static_cast<float>(height_limits(context.spec)[0]);
+    return std::make_unique<PluginActuator>(type, parameters, min_height, context);
   });
 }
 
@@ -307,6 +316,8 @@ void load(const std::filesystem::path& path) {
     if (loaded.name == extension.name)
       throw common::UserError(file + ": another extension of this name is loaded already");
   }
+  if (const std::string cut = common::find_missing_segment(path); !cut.empty())
+    throw common::UserError(file + ": " + cut);
   // A path without a slash would be searched for in the system's folders.
   void* const library = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) throw common::UserError(file + ": cannot be loaded: " + dlerror());

@@ -10,7 +10,8 @@
  * All elements of an array of structs have the same size.
  * Arrays. Grids are row-major, row 0 north, column 0 west: cell = row * columns + column. Vectors are x
  * (east), y (north), z (up). Quaternions are x y z w. "u" is the unit of length of the experiment; angles are
- * in rad. All numbers that an extension writes must be finite.
+ * in rad. All numbers that an extension writes must be finite, unless their comment says more: a motion or a
+ * force that is not ends the run.
  * Memory. A pointer that is passed to a function is valid during that call, unless its comment says more.
  * plan, add_forces and sense run in every step and should not allocate.
  * Threads. Different instances may be called at the same time; one instance is called by one thread at a
@@ -75,8 +76,8 @@ typedef struct smartsurf_plugin_configuration {
   uint32_t size;
   uint32_t channel_count;
   smartsurf_plugin_channel* channels; /* minimum, maximum, neutral, components and flags may be changed */
-  /* Actuators only: the least and greatest z of the cells' tops above their base, u. On entry both are the
-   * parameter `height`, at which the tops rest. */
+  /* Actuators only: the least and greatest z of the cells' tops above their base, u, in [-1e6, 1e6]. On entry
+   * both are the parameter `height`, at which the tops rest. */
   double min_height, max_height;
   char* message;
 } smartsurf_plugin_configuration;
@@ -126,8 +127,10 @@ typedef struct smartsurf_plugin_objects {
 enum smartsurf_plugin_actuator_flags {
   SMARTSURF_MOVES_TOPS = 1,    /* writes speed; the program then advances height */
   SMARTSURF_MOVES_SURFACE = 2, /* writes surface_velocity_x, surface_velocity_y and surface_spin */
-  SMARTSURF_LIMITS_FORCE = 4,  /* writes force_limit and no_load_speed */
-  SMARTSURF_EXERTS_FORCES = 8  /* has add_forces */
+  /* Writes force_limit and no_load_speed: under a greater load a cell yields, down to min_height, where the
+   * frame carries the load. One that cannot rise from there waits for 0.1 s before it tries again. */
+  SMARTSURF_LIMITS_FORCE = 4,
+  SMARTSURF_EXERTS_FORCES = 8 /* has add_forces */
 };
 
 typedef struct smartsurf_plugin_actuator_context {
@@ -143,7 +146,7 @@ typedef struct smartsurf_plugin_actuator_context {
 
 /* The motion of the cells in the coming physics step. Arrays have rows × columns entries; an actuator reads
  * and writes those of its own cells only. What it wrote in the last step is still there, but for `speed` of
- * cells with a force limit: the physics lowers it to that which the load allows. */
+ * cells with a force limit: the physics lowers it to that which the load allows, and min_height bounds it. */
 typedef struct smartsurf_plugin_motion {
   uint32_t size;
   uint32_t targets_changed; /* 1 if any target may differ from that of the last step */
@@ -155,9 +158,10 @@ typedef struct smartsurf_plugin_motion {
   /* Velocity of the top's surface, u/s; null unless SMARTSURF_MOVES_SURFACE. */
   float *surface_velocity_x, *surface_velocity_y;
   float* surface_spin; /* of it about z, rad/s; likewise */
-  /* Greatest upward force at rest, mass·u/s²; null unless SMARTSURF_LIMITS_FORCE. */
+  /* Greatest upward force at rest, mass·u/s², at least 0; infinite, as before it is first written: unlimited.
+   * Null unless SMARTSURF_LIMITS_FORCE. */
   float* force_limit;
-  float* no_load_speed; /* speed at which that force has fallen to 0, u/s; likewise */
+  float* no_load_speed; /* speed at which that force has fallen to 0, u/s, greater than 0; likewise */
 } smartsurf_plugin_motion;
 
 typedef struct smartsurf_plugin_actuator {

@@ -4,6 +4,7 @@
 #include <exception>
 #include <string>
 
+#include "common/text/ClassicLocale.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/library/smartsurf.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -35,6 +36,7 @@ thread_local std::string last_error;
 // Runs a function of the interface: its exceptions become a status.
 template <class Work>
 smartsurf_status guarded(const Work& work) noexcept {
+  const common::ClassicLocale locale;
   try {
     work();
     return SMARTSURF_OK;
@@ -113,6 +115,7 @@ void smartsurf_destroy(smartsurf_environment* environment) { delete environment;
 
 smartsurf_status smartsurf_step(smartsurf_environment* e, smartsurf_result* result) {
   return guarded([&] {
+    if (result != nullptr) read(result, "result");  // before the step, which cannot be undone
     const auto [reward, terminated, truncated, success] = e->environment.step();
     if (result != nullptr) write({0, reward, terminated, truncated, success}, result, "result");
   });

@@ -15,7 +15,8 @@
  * s, angles are in rad.
  * Sizes. Every struct begins with `size`, which the caller sets to sizeof that struct; later versions append
  * members.
- * Determinism. Equal experiments, options, seeds and targets give equal bits, for any number of threads. */
+ * Determinism. Equal experiments, options, seeds and targets give equal bits, for any number of threads,
+ * whatever the locale. */
 #ifndef SMARTSURF_H
 #define SMARTSURF_H
 

@@ -141,6 +141,7 @@ TriangleMesh import_mesh(const fs::path& file) {
   check_references(file, files->outside());
   if (scene == nullptr || scene->mRootNode == nullptr) {
     const std::string reason = importer.GetErrorString();
+    if (reason.empty()) refuse("is damaged: the importer finds no mesh in it");
     refuse(reason == std::bad_alloc().what() ? kNeedsMemory : "cannot be read: " + one_line(reason));
   }
   TriangleMesh mesh;

@@ -65,14 +65,17 @@ class Constraints {
 
 std::string validate(const PinSpec& pin, double pitch, const std::string& model) {
   const std::string top_rule = "in [0.001, pitch], the pitch is " + format_number(pitch);
+  const bool is_pin = model == "pin";
+  const std::string lowest = is_pin ? "pin.range[1]" : model + ", the least height of the tops",
+                    highest = is_pin ? "pin.range[2]" : model + ", the greatest height of the tops";
   return Constraints()
       .require(is_size(pin.top_x) && pin.top_x <= pitch, model + ".top[1]", pin.top_x, top_rule)
       .require(is_size(pin.top_y) && pin.top_y <= pitch, model + ".top[2]", pin.top_y, top_rule)
       .size("pin.length", pin.length)
-      .coordinate("pin.range[1]", pin.min_height)
-      .coordinate("pin.range[2]", pin.max_height)
-      .require(pin.max_height >= pin.min_height, "pin.range[2]", pin.max_height,
-               "not below pin.range[1] = " + format_number(pin.min_height))
+      .coordinate(lowest, pin.min_height)
+      .coordinate(highest, pin.max_height)
+      .require(pin.max_height >= pin.min_height, highest, pin.max_height,
+               "not below " + lowest + " = " + format_number(pin.min_height))
       .require(is_positive(pin.max_speed), "pin.max_speed", pin.max_speed, "greater than 0")
       .require(is_positive(pin.max_acceleration), "pin.max_acceleration", pin.max_acceleration,
                "greater than 0")

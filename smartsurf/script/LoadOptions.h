@@ -8,12 +8,12 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "common/process/StopSignals.h"
 #include "smartsurf/scene/SolidFactory.h"
 
 namespace smartsurf::script {
@@ -60,9 +60,6 @@ struct LoadOptions {
 };
 
 // A script was stopped by LoadOptions::stop.
-class Interrupted : public std::runtime_error {
- public:
-  Interrupted() : std::runtime_error("interrupted") {}
-};
+using common::Interrupted;
 
 }  // namespace smartsurf::script

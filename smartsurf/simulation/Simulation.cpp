@@ -18,15 +18,6 @@ std::string describe_object(const scene::ObjectSpec& object) {
                                  : fmt::format("volume {:.4g} u³", object.volume()));
 }
 
-// Extensions alone give such speeds.
-std::optional<int> first_non_finite_cell(const surface::Field& field) {
-  for (const std::vector<float>* values :
-       {&field.speed, &field.surface_velocity_x, &field.surface_velocity_y, &field.surface_spin})
-    for (std::size_t i = 0; i < values->size(); ++i)
-      if (!std::isfinite((*values)[i])) return static_cast<int>(i);
-  return std::nullopt;
-}
-
 surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
   if (!surface.faults.fault_map && surface.faults.cells.empty()) return {};
   surface::FaultMap map(surface.faults, surface.rows, surface.columns);
@@ -101,6 +92,7 @@ void Simulation::plan_actuators() noexcept {
 bool Simulation::step_physics() {
   if (actuator_array_.exerts_forces())
     actuator_array_.add_forces(scene().world.dt_s, engine_->bodies(), catalogue_, engine_->wrenches());
+  if (actuator_array_.refused_output()) return false;
   if (!wrenches_.empty()) add_wrenches();
   engine_->step();
   const surface::Field& field = actuator_array_.field();
@@ -213,11 +205,15 @@ std::optional<std::string> Simulation::failure() const {
   if (engine_->is_overloaded())
     return fmt::format("failed at tick {}: too many of the {} objects overlap: place them apart",
                        snapshot_.tick + 1, catalogue_.size());
+  if (const auto refused = actuator_array_.refused_output()) {
+    if (refused->is_force)
+      return fmt::format("failed at tick {}: an actuator exerts {} on object {}", snapshot_.tick + 1,
+                         refused->what, engine_->bodies().id[refused->index]);
+    const int columns = scene().surface.columns;
+    return fmt::format("failed at tick {}: the actuator of row {}, column {} gives it {}", snapshot_.tick + 1,
+                       refused->index / columns + 1, refused->index % columns + 1, refused->what);
+  }
   if (const auto object = engine_->first_non_finite()) {
-    if (const auto cell = first_non_finite_cell(actuator_array_.field()))
-      return fmt::format(
-          "failed at tick {}: the actuator of row {}, column {} gives it a speed that is not finite",
-          snapshot_.tick + 1, *cell / scene().surface.columns + 1, *cell % scene().surface.columns + 1);
     return fmt::format(
         "failed at tick {}: object {} has a position or velocity that is not finite: its size, "
         "mass or speed differs too much from its neighbours' for a step of {} s ({})",

@@ -303,6 +303,12 @@ void ActuatorArray::add_forces(double dt_s, const BodyView& bodies,
       model.actuator->add_forces(dt_s, field_, bodies, catalogue, wrenches);
 }
 
+std::optional<RefusedOutput> ActuatorArray::refused_output() const noexcept {
+  for (const Model& model : models_)
+    if (const auto refused = model.actuator->refused_output()) return refused;
+  return std::nullopt;
+}
+
 void ActuatorArray::write_cell_motion(std::vector<scene::ActuatorState>& motion) const {
   motion.assign(all_pins_ ? 0 : field_.height.size(), {});
   if (all_pins_) return;

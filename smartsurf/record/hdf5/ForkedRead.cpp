@@ -1,9 +1,9 @@
 #include "smartsurf/record/hdf5/ForkedRead.h"
 
 #include <new>
-#include <stdexcept>
 
 #include "common/process/ChildWork.h"
+#include "common/process/StopSignals.h"
 
 namespace smartsurf::record {
 
@@ -21,7 +21,7 @@ std::string refusal_of_child(const std::filesystem::path& file, std::size_t memo
     return std::string();
   };
   const End end = common::run_in_child(work, limits).end;
-  if (end == End::kStopped) throw std::runtime_error("interrupted");
+  if (end == End::kStopped) throw common::Interrupted();
   if (end == End::kOutOfMemory) return "needs more memory than a reader of recordings may have";
   return end == End::kReturned ? "" : "is damaged: the HDF5 library cannot read it";
 }

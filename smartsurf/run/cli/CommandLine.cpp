@@ -84,7 +84,7 @@ int run_and_report(const std::function<int()>& command) noexcept {
     else
       return status;
     return common::kFailed;
-  } catch (const script::Interrupted&) {
+  } catch (const common::Interrupted&) {
     return common::status_after_signals(common::kDone);
   } catch (const scene::InputError& error) {
     common::print_error_line("smartsurf", error.what());

@@ -146,8 +146,14 @@ CommandHandler add_export_command(CLI::App& app) {
 CommandHandler add_clean_command(CLI::App& app) {
   CLI::App* clean = app.add_subcommand("clean", "Remove shared-memory segments left by dead processes");
   const auto prefix = std::make_shared<std::string>();
-  clean->add_option("prefix", *prefix, "Remove only segments whose names begin with NAME")->type_name("NAME");
-  return [prefix] { return clean_command(*prefix); };
+  const CLI::Option* const given =
+      clean->add_option("prefix", *prefix, "Remove only segments whose names begin with NAME")
+          ->type_name("NAME");
+  return [prefix, given] {
+    if (given->count() > 0 && prefix->empty())
+      throw scene::InputError("clean '': must be the beginning of a name; without one, all are removed");
+    return clean_command(*prefix);
+  };
 }
 
 }  // namespace smartsurf::run

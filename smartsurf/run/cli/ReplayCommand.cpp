@@ -57,6 +57,7 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
 }
 
 int verify_in_worker(const ReplayFlags& flags) {
+  common::catch_stop_signals();  // one would leave the folder
   const TemporaryFolder output_folder;
   ReadJob job{
       .recording = flags.file,
@@ -108,6 +109,7 @@ int replay_command(const ReplayFlags& flags) {
   // Sensors that the recording lacks come from another run, which may read what the first one read.
   std::optional<TemporaryFolder> output_folder;
   if (!render.view.overlay.channel.empty()) {
+    common::catch_stop_signals();
     output_folder.emplace();
     job.confinement->write_folders.push_back(output_folder->path());
     if (const auto experiment = find_unchanged_experiment(flags.file))

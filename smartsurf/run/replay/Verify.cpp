@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <new>
@@ -211,9 +213,18 @@ std::string describe_difference(const record::Recording& recording, std::size_t 
 
 }  // namespace
 
-TemporaryFolder::TemporaryFolder() : path_((fs::temp_directory_path() / "smartsurf-verify-XXXXXX").string()) {
+TemporaryFolder::TemporaryFolder() {
+  std::error_code error;
+  const fs::path parent = fs::temp_directory_path(error);
+  if (error) {
+    const char* const chosen = std::getenv("TMPDIR");
+    throw scene::InputError(fmt::format("TMPDIR = {}: must be a folder: the script's output goes there",
+                                        chosen != nullptr ? chosen : ""));
+  }
+  path_ = (parent / "smartsurf-verify-XXXXXX").string();
   if (::mkdtemp(path_.data()) == nullptr)
-    throw std::runtime_error("cannot create a folder in " + fs::temp_directory_path().string());
+    throw std::runtime_error(
+        fmt::format("cannot create a folder in {} (TMPDIR): {}", parent.string(), std::strerror(errno)));
   unfinished_.emplace(path_);
 }
 

@@ -31,7 +31,7 @@ struct Allowed {
 // A temporary folder for the script's output, removed by the destructor.
 class TemporaryFolder {
  public:
-  TemporaryFolder();  // throws std::runtime_error
+  TemporaryFolder();  // in TMPDIR; throws scene::InputError or std::runtime_error
   ~TemporaryFolder();
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/process/ChildWork.h"
+#include "common/text/ClassicLocale.h"
 
 namespace smartsurf::script {
 namespace {
@@ -91,6 +92,7 @@ Sandbox& Interpreter::sandbox_of(lua_State* L) {
 void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::size_t new_size) {
   auto& interpreter = *static_cast<Interpreter*>(self);
   const bool is_string = block == nullptr && old_size == LUA_TSTRING;
+  const Request request{block, old_size, new_size};
   if (block == nullptr) old_size = 0;  // Lua passes the type of the new object instead
   if (new_size == 0) {
     std::free(block);
@@ -100,29 +102,34 @@ void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::
   const bool grows = new_size > old_size;
   if (grows && new_size - old_size > interpreter.memory_limit_ -
                                          std::min(interpreter.memory_limit_, interpreter.memory_used_)) {
-    interpreter.string_refused_ = false;
-    interpreter.refuse_memory();
+    interpreter.refuse_memory(request,
+                              "the script needs more than " +
+                                  format_value(static_cast<double>(interpreter.memory_limit_) / 1048576.0) +
+                                  " MiB of memory");
     return nullptr;
   }
   if (is_string && new_size > kMaxStringBytes + kStringHeaderBytes) {
-    interpreter.string_refused_ = true;
-    interpreter.refuse_memory();
+    interpreter.refuse_memory(request, kLongString);
     return nullptr;
   }
   if (is_string && new_size > kShortStringBytes) interpreter.shorten_interval(new_size);
   void* const moved = std::realloc(block, new_size);
-  if (moved != nullptr) interpreter.memory_used_ = interpreter.memory_used_ - old_size + new_size;
+  if (moved == nullptr) return nullptr;
+  interpreter.memory_used_ = interpreter.memory_used_ - old_size + new_size;
+  if (grows && interpreter.refused_ && *interpreter.refused_ == request) interpreter.refused_.reset();
   return moved;
 }
 
-// A collection precedes every refusal, and a script can catch the error and cause the next one, so the time
-// is checked again soon.
-void Interpreter::refuse_memory() {
-  lua_Debug ar;  // memory errors carry no location, so record it here
-  memory_error_location_.clear();
-  if (lua_ != nullptr && find_innermost_line(lua_, ar))
-    memory_error_location_ = std::string(ar.source + 1) + ":" + std::to_string(ar.currentline);
-  if (running_ != nullptr) set_hook(running_, 1);
+// Lua asks once more after a collection. Otherwise the next instruction ends the run, whether or not the
+// script has caught the error.
+void Interpreter::refuse_memory(const Request& request, const std::string& why) {
+  refused_ = request;
+  refusal_ = why;
+  if (running_ == nullptr) return;
+  // Memory errors carry no location.
+  if (const std::string location = current_location(running_); !location.empty())
+    refusal_ = location + ": " + why;
+  set_hook(running_, 1);
 }
 
 void Interpreter::set_hook(lua_State* L, int interval) {
@@ -145,13 +152,16 @@ void Interpreter::on_instruction_count(lua_State* L, lua_Debug*) {
   const int interval = lua_gethookcount(L);
   if (!interpreter.budget_exceeded_ && interval != interpreter.interval_)
     interpreter.set_hook(L, interpreter.interval_);
+  if (interpreter.refused_) interpreter.raise_end(L, interpreter.refusal_);
   interpreter.charge(L, static_cast<std::uint64_t>(interval));
 }
 
 void Interpreter::charge(lua_State* L, std::uint64_t instructions) {
   instructions_used_ =
       std::min(instructions_used_, std::numeric_limits<std::uint64_t>::max() - instructions) + instructions;
-  if (instructions_used_ > instruction_budget_ || budget_exceeded_) raise_budget_error(L);
+  if (instructions_used_ > instruction_budget_ || budget_exceeded_)
+    raise_end(L, current_location(L) + ": the script ran for more than " +
+                     std::to_string(instruction_budget_) + " instructions: an endless loop?");
   check_time(L);
 }
 
@@ -167,23 +177,21 @@ void Interpreter::check_time(lua_State* L) {
   const std::atomic<bool>* const stop = sandbox_.options.stop;
   const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
   if (used_s <= (stopped ? std::min(kTimeAfterStop_s, time_limit_s_) : time_limit_s_)) return;
-  excess_ = stopped ? Excess::kStop : Excess::kTime;
-  raise_budget_error(L);
+  stopped_ = stopped;
+  raise_end(L, stopped ? "interrupted"
+                       : current_location(L) + ": the script ran for more than " +
+                             format_value(time_limit_s_) + " s: an endless loop?");
 }
 
-void Interpreter::raise_budget_error(lua_State* L) {
-  // A script can catch the error with pcall, so raise it again at every further instruction.
+void Interpreter::end_call(lua_State* L, const std::string& why) {
+  if (!budget_exceeded_) budget_message_ = why;
   budget_exceeded_ = true;
   set_hook(L, 1);
-  if (excess_ == Excess::kStop)
-    lua_pushliteral(L, "interrupted");
-  else if (excess_ == Excess::kTime)
-    lua_pushfstring(L, "%s: the script ran for more than %f s: an endless loop?", current_location(L).c_str(),
-                    static_cast<LUAI_UACNUMBER>(time_limit_s_));
-  else
-    lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
-                    current_location(L).c_str(), static_cast<LUAI_UACINT>(instruction_budget_));
-  if (budget_message_.empty()) budget_message_ = lua_tostring(L, -1);
+}
+
+void Interpreter::raise_end(lua_State* L, const std::string& why) {
+  end_call(L, why);
+  lua_pushlstring(L, budget_message_.data(), budget_message_.size());
   lua_error(L);
   std::abort();  // lua_error does not return
 }
@@ -199,7 +207,7 @@ Interpreter::RunningCoroutine::RunningCoroutine(Interpreter& interpreter, lua_St
 
 Interpreter::RunningCoroutine::~RunningCoroutine() {
   interpreter_.running_ = caller_;
-  const int interval = interpreter_.budget_exceeded_ ? 1 : interpreter_.interval_;
+  const int interval = interpreter_.budget_exceeded_ || interpreter_.refused_ ? 1 : interpreter_.interval_;
   if (lua_gethookcount(caller_) > interval) interpreter_.set_hook(caller_, interval);
 }
 
@@ -248,11 +256,13 @@ int Interpreter::compile_metered(lua_State* L, std::string_view text, const char
 
 void Interpreter::call(int arguments, int results, const Budget& budget,
                        const std::string& fallback_location) {
+  const common::ClassicLocale locale;
   instruction_budget_ = budget.instructions;
   instructions_used_ = 0;
   budget_exceeded_ = false;
   budget_message_.clear();
-  excess_ = Excess::kInstructions;
+  refused_.reset();
+  stopped_ = false;
   time_limit_s_ = budget.seconds;
   started_s_ = -1.0;
   children_before_s_ = common::child_time_s();
@@ -271,7 +281,7 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
   if (watch_) watch_->end();
   lua_sethook(lua_, nullptr, 0, 0);
   lua_remove(lua_, base);
-  if (budget_exceeded_ && excess_ == Excess::kStop) {
+  if (budget_exceeded_ && stopped_) {
     lua_settop(lua_, base - 1);
     deferred_exception_ = nullptr;
     throw Interrupted();
@@ -280,19 +290,25 @@ void Interpreter::call(int arguments, int results, const Budget& budget,
     lua_settop(lua_, base - 1);
     std::rethrow_exception(std::exchange(deferred_exception_, nullptr));
   }
-  if (budget_exceeded_) {
+  const std::string& location = error_location_.empty() ? fallback_location : error_location_;
+  if (budget_exceeded_ || refused_) {
     // The end of the call, whatever became of the error: Lua returns it as a value where a coroutine is
     // closed.
     lua_settop(lua_, base - 1);
-    lua_pushlstring(lua_, budget_message_.data(), budget_message_.size());
-    throw_input_error(LUA_ERRRUN, fallback_location);
+    throw_input_error(budget_exceeded_ ? budget_message_ : refusal_, location);
   }
   if (status == LUA_OK) return;
   if (sandbox_.options.stop != nullptr && sandbox_.options.stop->load(std::memory_order_relaxed)) {
     lua_settop(lua_, base - 1);
     throw Interrupted();  // whatever the stop has made fail
   }
-  throw_input_error(status, fallback_location);
+  std::size_t length = 0;
+  const char* const text = lua_type(lua_, -1) == LUA_TSTRING ? lua_tolstring(lua_, -1, &length) : nullptr;
+  const std::string message =
+      text != nullptr ? std::string(text, length)
+                      : std::string("the script raised an error value of type ") + luaL_typename(lua_, -1);
+  lua_pop(lua_, 1);
+  throw_input_error(message, location);
 }
 
 std::optional<Interpreter::LocatedMessage> Interpreter::split_location(const std::string& message) const {
@@ -309,22 +325,7 @@ std::optional<Interpreter::LocatedMessage> Interpreter::split_location(const std
   return std::nullopt;
 }
 
-void Interpreter::throw_input_error(int status, const std::string& fallback_location) {
-  std::string message, location = error_location_.empty() ? fallback_location : error_location_;
-  if (status == LUA_ERRMEM) {
-    if (!memory_error_location_.empty()) location = memory_error_location_;
-    message = string_refused_
-                  ? std::string("a string is longer than 16 MiB")
-                  : "the script needs more than " +
-                        format_value(static_cast<double>(memory_limit_) / 1048576.0) + " MiB of memory";
-  } else if (lua_type(lua_, -1) == LUA_TSTRING) {
-    std::size_t length = 0;
-    const char* const text = lua_tolstring(lua_, -1, &length);
-    message.assign(text, length);
-  } else {
-    message = std::string("the script raised an error value of type ") + luaL_typename(lua_, -1);
-  }
-  lua_pop(lua_, 1);
+void Interpreter::throw_input_error(std::string message, std::string location) const {
   // An error that passed through coroutines has several locations in front. Keep the innermost, the last one.
   while (auto located = split_location(message)) {
     location = std::move(located->location);
@@ -339,6 +340,7 @@ void push_error(Sandbox& sandbox, lua_State* L, const std::exception& e) {
     sandbox.interpreter->defer_exception(std::current_exception());
   const std::string location = sandbox.interpreter->current_location(L);
   const std::string text = location.empty() ? e.what() : location + ": " + e.what();
+  if (dynamic_cast<const LimitError*>(&e) != nullptr) sandbox.interpreter->end_call(L, text);
   lua_pushlstring(L, text.data(), text.size());
 }
 

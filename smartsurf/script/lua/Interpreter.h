@@ -32,6 +32,12 @@ class ScriptError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// A limit of the sandbox, beyond which the run ends, whether or not the script catches the error.
+class LimitError : public ScriptError {
+ public:
+  using ScriptError::ScriptError;
+};
+
 // Throws ScriptError, `prefix` and the clause, unless the clause of a validate() is empty.
 inline void throw_if_invalid(const std::string& clause, const std::string& prefix = "") {
   if (!clause.empty()) throw ScriptError(prefix + clause);
@@ -47,6 +53,7 @@ struct Budget {
 constexpr std::uint64_t kBytesPerInstruction = 64;
 // Operators on strings take time in proportion to the length, and only whole instructions are counted.
 constexpr std::size_t kMaxStringBytes = std::size_t{16} << 20;
+constexpr const char* kLongString = "a string is longer than 16 MiB";
 
 class Interpreter {
  public:
@@ -87,6 +94,8 @@ class Interpreter {
     Interpreter& interpreter_;
     lua_State* caller_;
   };
+  // Ends the running call with the message, whatever becomes of the Lua error that the caller raises on `L`.
+  void end_call(lua_State* L, const std::string& why);
   bool budget_exceeded() const { return budget_exceeded_; }
   std::size_t memory_used() const { return memory_used_; }  // of the Lua heap, in bytes
   // Stores an exception that is not the script's error; call() rethrows it.
@@ -105,6 +114,12 @@ class Interpreter {
   struct LocatedMessage {
     std::string location, message;
   };
+  // Arguments of the allocator.
+  struct Request {
+    const void* block;
+    std::size_t old_size, new_size;
+    bool operator==(const Request&) const = default;
+  };
 
   static void* allocate(void* self, void* block, std::size_t old_size, std::size_t new_size);
   static void on_instruction_count(lua_State* L, lua_Debug*);
@@ -112,11 +127,13 @@ class Interpreter {
 
   void set_hook(lua_State* L, int interval);
   void shorten_interval(std::size_t string_bytes);
-  void refuse_memory();
+  void refuse_memory(const Request&, const std::string& why);
   void check_time(lua_State* L);
-  [[noreturn]] void throw_input_error(int status, const std::string& fallback_location);
+  // location: where the message names none.
+  [[noreturn]] void throw_input_error(std::string message, std::string location) const;
   std::optional<LocatedMessage> split_location(const std::string& message) const;
-  [[noreturn]] void raise_budget_error(lua_State* L);
+  // Raises the error of end_call(), and so does every further instruction.
+  [[noreturn]] void raise_end(lua_State* L, const std::string& why);
 
   lua_State* lua_ = nullptr;
   Sandbox& sandbox_;
@@ -127,14 +144,15 @@ class Interpreter {
   // The processor time that the running call may take, and that at its first check, −1 before.
   double time_limit_s_ = 0.0, started_s_ = -1.0, children_before_s_ = 0.0;
   std::int64_t last_time_check_ns_ = 0;
-  enum class Excess { kInstructions, kTime, kStop } excess_ = Excess::kInstructions;
+  bool stopped_ = false;                      // it ends because of LoadOptions::stop
   static constexpr int kHookInterval = 1000;  // with short strings and an ample budget
   int interval_ = kHookInterval;              // instructions between two calls of the hook
   int string_interval_ = kHookInterval;       // its upper bound, for the longest string
   lua_State* running_ = nullptr;              // the coroutine that runs; null outside of call()
-  bool string_refused_ = false;               // the last refusal of memory was that of a string too long
+  std::optional<Request> refused_;            // by the allocator since the last instruction
+  std::string refusal_;                       // why, with the location if there is one
   std::vector<Chunk> chunks_;
-  std::string error_location_, memory_error_location_;
+  std::string error_location_;
   std::exception_ptr deferred_exception_;
   std::unique_ptr<OperationWatch> watch_;  // null without LoadOptions::end_process
 };

@@ -133,7 +133,7 @@ int gmatch(Sandbox&, lua_State* L) {
 
 void append_within_limit(std::string& result, std::string_view text) {
   if (text.size() > kMaxStringBytes - result.size())
-    throw ScriptError("string.gsub: a string is longer than 16 MiB");
+    throw LimitError(std::string("string.gsub: ") + kLongString);
   result.append(text);
 }
 

@@ -32,7 +32,7 @@ void write_output(const Sandbox& sandbox, const std::string& text) {
 // The text lies outside Lua's heap, whose limit does not hold for it.
 void append_output(std::string& text, const char* part, std::size_t length, const char* function) {
   if (length > kMaxStringBytes - std::min(text.size(), kMaxStringBytes))
-    throw ScriptError(std::string(function) + ": the text is longer than 16 MiB");
+    throw LimitError(std::string(function) + ": the text is longer than 16 MiB");
   text.append(part, length);
 }
 

@@ -37,6 +37,18 @@ struct TipKind {
   float reach = 0.0F;  // upper bound of the horizontal distance of its points from the cell's centre, u
 };
 
+// Motion or forces with which the physics cannot go on.
+struct RefusedOutput {
+  int index;         // of the cell, or of the body among those of add_forces()
+  const char* what;  // "a speed that is not finite"
+  bool is_force = false;
+};
+
+// A cell with a force limit on its lower stop, where the frame carries the load: one that cannot leave the
+// stop under its load waits before it tries again.
+inline constexpr float kStopTolerance = 1e-4F;  // u
+inline constexpr float kRetryDelay_s = 0.1F;
+
 class Actuator {
  public:
   Actuator() = default;
@@ -76,6 +88,9 @@ class Actuator {
   // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,
                           std::span<const scene::ObjectSpec> /*catalogue*/, std::span<Wrench>) noexcept {}
+
+  // What the last plan() or add_forces() wrote that the physics must not take; of models from outside alone.
+  virtual std::optional<RefusedOutput> refused_output() const noexcept { return std::nullopt; }
 
   // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it
   // throws common::UserError.

@@ -15,10 +15,6 @@
 namespace smartsurf::surface {
 namespace {
 
-// How long a pin that was pushed onto its lower stop waits before it tries to rise again.
-constexpr float kRetryDelay_s = 0.1F;
-constexpr float kStopTolerance = 1e-4F;  // u
-
 constexpr float kDampingTime_s = 0.02F;  // damping per stiffness by default
 
 // Short runs are moved together with the cells between them, up to this many: a call for each would take

@@ -85,6 +85,10 @@ int main(void) {
   } early = {.size = sizeof(size_t) + 2 * sizeof(int), .guard = 77};
   EXPECT(smartsurf_get_state(table, (smartsurf_state*)(void*)&early) == SMARTSURF_OK);
   EXPECT(early.rows == 5 && early.columns == 6 && early.guard == 77);
+  result.size = 0;
+  EXPECT(smartsurf_step(table, &result) == SMARTSURF_INVALID);
+  EXPECT(strcmp(smartsurf_error(), "result.size = 0: must be sizeof the struct") == 0);
+  EXPECT(smartsurf_get_state(table, &state) == SMARTSURF_OK && state.tick == 0);
   state.size = 0;
   EXPECT(smartsurf_get_state(table, &state) == SMARTSURF_INVALID);
   EXPECT(strcmp(smartsurf_error(), "state.size = 0: must be sizeof the struct") == 0);

@@ -88,6 +88,11 @@ class Extensions(Installed):
     def test_a_module_is_built_with_the_installed_header(self):
         call(CC, *STRICT, "-shared", "-fPIC", f"-I{self.prefix}/include/apron", "-o", self.work / "example.so", self.work / "example.c", "-lm")
         self.assertEqual(self.run_program(APRON, "run", str(self.work / "example.aps"), "--module", "example"), (0, "5\n", ""))
+        (self.work / "cut.so").write_bytes((self.work / "example.so").read_bytes()[:3000])
+        (self.work / "cut.aps").write_text((self.work / "example.aps").read_text().replace("example", "cut"))
+        status, _, err = self.run_program(APRON, "run", str(self.work / "cut.aps"), "--module", "cut")
+        self.assertEqual(status, 2, err)
+        self.assertIn("cut.so is cut short: it has 3000 bytes and needs ", err)
 
     def test_fields_are_checked_as_those_of_built_in_kinds(self):
         for text, message in (
@@ -206,6 +211,10 @@ class Refusals(Installed):
     def test_files_that_are_no_extensions(self):
         self.assertIn("none.so: cannot be read: No such file or directory", self.refusal(self.folder / "none.so"))
         self.assertIn("text.so: cannot be loaded: ", self.refusal(self.write("text.so", "text")))
+        whole, cut = (self.work / "built/belt.so").read_bytes(), self.folder / "cut.so"
+        for length in (len(whole) // 4, 3000, 100):
+            cut.write_bytes(whole[:length])
+            self.assertRegex(self.refusal(cut), rf"cut.so: is cut short: it has {length} bytes and needs \d+$")
         self.assertIn("it has no function smartsurf_plugin_get", self.refuse("belt.c", ("* smartsurf_plugin_get", "* another_get"),
                       ("#include <smartsurf_plugin.h>", '#include <smartsurf_plugin.h>\nconst smartsurf_plugin* another_get(void);')))
 
@@ -255,7 +264,7 @@ class Refusals(Installed):
             return "".join(self.run_program(SMARTSURF, "run", str(self.work / "belt.lua"), "--load", str(self.build("belt.c", *changes)),
                                             "--no-controller", "--ticks", "3")[1:])
         self.assertIn("belt: cannot be created: create() returns null", run(("belts* b = malloc(sizeof *b);", "return NULL;\n  belts* b = NULL;")))
-        self.assertIn("failed at tick 1: the actuator of row 1, column 1 gives it a speed that is not finite",
+        self.assertIn("failed at tick 1: the actuator of row 1, column 1 gives it a surface velocity that is not finite",
                       run(("surface_velocity_x[i] +=", "surface_velocity_x[i] = NAN +")))
 
     def test_an_extension_with_an_error_adds_nothing(self):
@@ -297,6 +306,20 @@ class Library(Installed):
         call(CC, *STRICT, f"-I{self.include}", pathlib.Path(__file__).with_name("corners.c"), "-o", program, self.library,
              f"-Wl,-rpath,{self.library.parent}")
         self.assertEqual(call(program), "done\n")
+
+    def test_scripts_ignore_the_locale_of_the_host(self):
+        make = ["localedef", "-i", "de_DE", "-f", "UTF-8", self.folder / "de_DE.UTF-8"]
+        if not shutil.which("localedef") or subprocess.run(make, capture_output=True).returncode:
+            self.skipTest("no localedef, or it lacks de_DE")
+        text = (self.work / "lift.c").read_text()
+        self.assertIn("  const uint64_t seed", text)
+        self.write("host.c", "#include <locale.h>\n" + text.replace("  const uint64_t seed", "  setlocale(LC_ALL, \"\");\n  const uint64_t seed", 1))
+        call(CC, *STRICT, f"-I{self.include}", self.folder / "host.c", "-o", self.folder / "host", self.library,
+             f"-Wl,-rpath,{self.library.parent}")
+        script = self.write("lift.lua", (self.work / "lift.lua").read_text() +
+                            "\nprint(1.5, string.format('%.2f', 2.25), tonumber('1.25'), 'B' < 'a')\n")
+        out = call(self.folder / "host", script, env={**os.environ, "LOCPATH": str(self.folder), "LC_ALL": "de_DE.UTF-8"})
+        self.assertTrue(out.startswith("1.5\t2.25\t1.25\ttrue\n2,00 s"), out)
 
     def test_exports_only_the_c_functions_and_needs_no_opengl(self):
         symbols = [line.split() for line in call("nm", "-D", "--defined-only", self.library).splitlines()]

@@ -189,6 +189,11 @@ class Death(ProgramTest):
         self.assertTrue(self.segment().exists())
         status, out, err = self.run_program(SMARTSURF, "info", str(recording))
         self.assertEqual(status, 0, err)
+        for command, message in (((SMARTSURF, "clean", ""), "smartsurf: clean '': must be"), ((str(BIN / "shm_dump"), "--clean="), "--clean=: must be")):
+            status, out, err = self.run_program(*command)
+            self.assertEqual((status, out), (2, ""))
+            self.assertIn(message, err)
+        self.assertTrue(self.segment().exists())
         status, out, err = self.run_program(SMARTSURF, "clean", self.shm)
         self.assertEqual(status, 0, err)
         self.assertFalse(self.segment().exists())

@@ -5,6 +5,7 @@ import resource
 import shutil
 import struct
 import sys
+import zipfile
 
 from programs import *
 
@@ -555,6 +556,13 @@ class Meshes(Hostile):
         self.assertRegex(err, "the mesh importer failed|needs more memory")
         # In KiB: more than what the program itself needs, less than the file asks for.
         self.assertLess(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, max(before, 2 << 20))
+
+    def test_every_refusal_of_a_file_has_a_reason(self):
+        with zipfile.ZipFile(self.folder / "a.3mf", "w") as file:
+            file.writestr("3D/3dmodel.model", '<?xml version="1.0"?><model/>')  # to which no relationship leads
+        self.write("s.lua", TABLE + "mesh { file = 'a.3mf', position = { 1, 1, 5 } }\n")
+        status, _, err = self.run_program(SMARTSURF, "check", "s.lua")
+        self.assertEqual((status, err), (2, "smartsurf: s.lua:3: mesh.file = 'a.3mf': is damaged: the importer finds no mesh in it\n"))
 
     def test_meshes_of_many_shells_are_refused(self):
         self.write("s.lua", TABLE + "mesh { file = 'a.stl', position = { 1, 1, 50 } }\n")

@@ -68,6 +68,22 @@ class Replay(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("the user intervened after tick 7", err)
 
+    def test_a_signal_at_any_time_leaves_no_folder(self):
+        recording, temporary = self.record_wave(), self.folder / "tmp"
+        temporary.mkdir()
+        for command in (["--verify"], ["--verify", "--unsafe"]):
+            child = self.start("/usr/bin/env", f"TMPDIR={temporary}", SMARTSURF, "replay", recording, *command)
+            while child.poll() is None and not any(temporary.iterdir()):
+                pass
+            child.send_signal(signal.SIGTERM)
+            status, out, err = self.finish(child)
+            self.assertEqual(status, 128 + signal.SIGTERM, out + err)
+            self.assertEqual(list(temporary.iterdir()), [])
+
+    def test_a_missing_folder_for_temporary_files_is_named(self):
+        status, _, err = self.run_program("/usr/bin/env", "TMPDIR=/nonexist", SMARTSURF, "replay", self.record_wave(), "--verify")
+        self.assertEqual((status, err), (2, "smartsurf: TMPDIR = /nonexist: must be a folder: the script's output goes there\n"))
+
     @needs_view
     def test_replayed_picture_equals_that_of_run(self):
         ours, theirs = self.folder / "run.png", self.folder / "replay.png"

@@ -135,6 +135,59 @@ TEST(Extension, StepsAllocateNoMoreThanThoseOfBuiltInKinds) {
 }
 #endif
 
+// The cells of the presser's outputs lie where nothing touches them.
+TEST(Extension, OutputsThatAreNoNumbersEndTheRun) {
+  const std::string cell = "probe.lua: failed at tick 1: the actuator of row 2, column 2 gives it ";
+  const struct {
+    const char* wrong;
+    std::string message;
+  } cases[] = {
+      {"wrong = 0", cell + "a speed that is not finite"},
+      {"wrong = 1", cell + "a surface velocity that is not finite"},
+      {"wrong = 2", cell + "a surface velocity that is not finite"},
+      {"wrong = 3", cell + "a surface spin that is not finite"},
+      {"wrong = 4", cell + "a force limit that is not 0 or more"},
+      {"wrong = 4, value = -1", cell + "a force limit that is not 0 or more"},
+      {"wrong = 5", cell + "a no-load speed that is not finite and greater than 0"},
+      {"wrong = 5, value = 0", cell + "a no-load speed that is not finite and greater than 0"},
+      {"wrong = 6", cell + "a height that is not finite"},
+      {"wrong = 7",
+       "probe.lua: failed at tick 1: an actuator exerts a force or a torque that is not finite on object 1"}};
+  for (const auto& [wrong, message] : cases) {
+    simulation::Environment environment =
+        make(std::string("surface { rows = 8, columns = 8, actuator = presser { ") + wrong +
+             " } } sphere { radius = 1, position = {5, 5, 9} } sphere { radius = 1, position = {5, 1, 9} }");
+    try {
+      environment.step();
+      ADD_FAILURE() << wrong;
+    } catch (const scene::InputError& error) {
+      EXPECT_EQ(error.what(), message);
+    }
+  }
+}
+
+TEST(Extension, OverloadedCellsRestOnTheirLowerStop) {
+  for (const char* speed : {"0", "0.5", "-3"}) {
+    simulation::Environment environment =
+        make(std::string("surface { rows = 8, columns = 8, actuator = presser { height = 0.5, speed = ") +
+             speed + " } } box { size = {3, 3, 1}, mass = 10, position = {3.5, 3.5, 1.01} }");
+    for (int tick = 0; tick < 240; ++tick) {
+      environment.step();
+      ASSERT_GE(std::ranges::min(environment.simulation().snapshot().height), 0.5F) << speed;
+    }
+    EXPECT_NEAR(height_of_ball(environment), 1.0F, 0.02F) << speed;
+  }
+}
+
+TEST(Extension, HeightsOutOfRangeNameTheActuatorAndTheField) {
+  try {
+    make("surface { rows = 8, columns = 8, actuator = presser { highest = 2e6 } }");
+    FAIL();
+  } catch (const scene::InputError& error) {
+    EXPECT_STREQ(error.what(), "probe.lua:1: presser.max_height = 2000000: must be in [-1000000, 1000000]");
+  }
+}
+
 TEST(Extension, ErrorsOfInstancesAreReported) {
   try {
     make("surface { rows = 8, columns = 8, actuator = lifter { steps = 13 } }");

@@ -81,6 +81,51 @@ static int restore_lifter(void* instance, const void* bytes, uint64_t count) {
   return 0;
 }
 
+// ---- presser: tops that rise or sink at `speed` with little force; output number `wrong` gets `value`.
+enum { SPEED, FORCE, WRONG, VALUE, TOP };
+static const smartsurf_plugin_parameter presser_parameters[] = {
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "speed", "u/s", {0, 0, 0}, -100, 100},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "force", "", {0.1, 0, 0}, 0, 100},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_COUNT, "wrong", "", {NAN, 0, 0}, 0, 7},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "value", "NaN if absent", {NAN, 0, 0}, -1, 0},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "highest", "u", {3, 0, 0}, -1e9, 1e9},
+};
+
+static int configure_presser(const smartsurf_plugin_value* values,
+                             smartsurf_plugin_configuration* configuration) {
+  configuration->max_height = values[TOP].x;
+  return 0;
+}
+
+static void* create_presser(const smartsurf_plugin_actuator_context* context) {
+  lifters* l = malloc(sizeof *l);
+  *l = (lifters){.context = *context};
+  return l;
+}
+
+static void plan_presser(void* instance, const smartsurf_plugin_motion* motion) {
+  const lifters* l = instance;
+  const smartsurf_plugin_value* values = l->context.values;
+  float* const outputs[] = {motion->speed,        motion->surface_velocity_x, motion->surface_velocity_y,
+                            motion->surface_spin, motion->force_limit,        motion->no_load_speed,
+                            motion->height};
+  for (uint32_t k = 0; k < l->context.cell_count; ++k) {
+    const uint32_t i = l->context.cells[k];
+    motion->speed[i] = (float)values[SPEED].x;
+    motion->force_limit[i] = (float)values[FORCE].x;
+    motion->no_load_speed[i] = 1;
+  }
+  const double wrong = values[WRONG].x;
+  if (wrong < 7) outputs[(int)wrong][l->context.cells[9]] = (float)values[VALUE].x;
+}
+
+static void press(void* instance, double dt_s, const float* height, const smartsurf_plugin_objects* objects,
+                  float* wrenches) {
+  const lifters* l = instance;
+  (void)dt_s, (void)height;
+  if (l->context.values[WRONG].x == 7) wrenches[6 * (objects->count - 1) + 4] = NAN;
+}
+
 // ---- census: the average force on each cell; the number of spheres; values that the program must replace.
 static const smartsurf_plugin_channel census_channels[] = {
     {sizeof(smartsurf_plugin_channel), 1, "", "mass*u/s^2", 0, 1e6, 0, 0},
@@ -129,23 +174,41 @@ static void sense_census(void* instance, const smartsurf_plugin_scene* scene, fl
   }
 }
 
-static const smartsurf_plugin_actuator actuators[] = {{
-    .size = sizeof(smartsurf_plugin_actuator),
-    .flags = SMARTSURF_MOVES_TOPS | SMARTSURF_EXERTS_FORCES,
-    .name = "lifter",
-    .parameters = lifter_parameters,
-    .parameter_count = 3,
-    .channels = lifter_channels,
-    .channel_count = 1,
-    .configure = configure_lifter,
-    .create = create_lifter,
-    .destroy = free,
-    .snap = snap_lifter,
-    .plan = plan_lifter,
-    .add_forces = push_lifter,
-    .save = save_lifter,
-    .restore = restore_lifter,
-}};
+static const smartsurf_plugin_actuator actuators[] = {
+    {
+        .size = sizeof(smartsurf_plugin_actuator),
+        .flags =
+            SMARTSURF_MOVES_TOPS | SMARTSURF_MOVES_SURFACE | SMARTSURF_LIMITS_FORCE | SMARTSURF_EXERTS_FORCES,
+        .name = "presser",
+        .parameters = presser_parameters,
+        .parameter_count = 5,
+        .channels = lifter_channels,
+        .channel_count = 1,
+        .configure = configure_presser,
+        .create = create_presser,
+        .destroy = free,
+        .plan = plan_presser,
+        .add_forces = press,
+        .save = save_lifter,
+        .restore = restore_lifter,
+    },
+    {
+        .size = sizeof(smartsurf_plugin_actuator),
+        .flags = SMARTSURF_MOVES_TOPS | SMARTSURF_EXERTS_FORCES,
+        .name = "lifter",
+        .parameters = lifter_parameters,
+        .parameter_count = 3,
+        .channels = lifter_channels,
+        .channel_count = 1,
+        .configure = configure_lifter,
+        .create = create_lifter,
+        .destroy = free,
+        .snap = snap_lifter,
+        .plan = plan_lifter,
+        .add_forces = push_lifter,
+        .save = save_lifter,
+        .restore = restore_lifter,
+    }};
 static const smartsurf_plugin_sensor sensors[] = {{
     .size = sizeof(smartsurf_plugin_sensor),
     .flags = SMARTSURF_NEEDS_IMPULSES,
@@ -161,7 +224,7 @@ static const smartsurf_plugin_sensor sensors[] = {{
 static const smartsurf_plugin plugin = {.size = sizeof plugin,
                                         .version = SMARTSURF_PLUGIN_VERSION,
                                         .actuators = actuators,
-                                        .actuator_count = 1,
+                                        .actuator_count = 2,
                                         .sensors = sensors,
                                         .sensor_count = 1};
 

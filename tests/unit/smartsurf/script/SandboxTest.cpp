@@ -1,5 +1,7 @@
 #include <atomic>
 #include <chrono>
+#include <clocale>
+#include <cstdlib>
 #include <ctime>
 #include <random>
 #include <utility>
@@ -176,8 +178,13 @@ TEST_F(BudgetTest, CoroutinesAndXpcallBehaveAsInLua) {
 }
 
 TEST_F(BudgetTest, ChargesLoopsInLibraryFunctions) {
-  EXPECT_EQ(error_of("string.rep('', 1 << 60)"), over("t.lua:1"));
+  EXPECT_EQ(error_of("while true do string.rep('x', 1 << 20) end"), over("t.lua:1"));
   EXPECT_EQ(error_of("table.move({}, 1, 1 << 60, 2)"), over("t.lua:1"));
+}
+
+TEST_F(BudgetTest, RepetitionsAreChargedByTheirLength) {
+  load_on_surface("print(#('x'):rep(1 << 20), #string.rep('', 1 << 60))");
+  EXPECT_EQ(printed, "1048576\t0\n");
 }
 
 TEST_F(BudgetTest, LengthsFromMetamethodsAreChargedBeforeTheyAreBelieved) {
@@ -245,7 +252,7 @@ TEST_F(SandboxTest, ProcessorTimeIsBounded) {
         "local co = coroutine.wrap(function() local a = ('x'):rep(1 << 23) while true do local _ = a .. a "
         "end end) "
         "co()",
-        "while true do pcall(string.rep, 'x', 1 << 25) end"}) {
+        "local s = ('x'):rep(1 << 20) while true do pcall(string.rep, s, 8) end"}) {
     const std::clock_t start = std::clock();
     EXPECT_EQ(error_of(statement), "t.lua:1: the script ran for more than 0.2 s: an endless loop?")
         << statement;
@@ -256,11 +263,64 @@ TEST_F(SandboxTest, ProcessorTimeIsBounded) {
 TEST_F(SandboxTest, LimitsStringLength) {
   const std::string tail = "t.lua:1: a string is longer than 16 MiB";
   EXPECT_EQ(error_of("local s = ('x'):rep((1 << 24) + 100)"), tail);
+  EXPECT_EQ(error_of("local s = ('x'):rep(1 << 40)"), tail);
   EXPECT_EQ(error_of("local s = ('x'):rep(1 << 23) s = s .. s .. s"), tail);
   EXPECT_EQ(error_of("local s = ('x'):rep(1e6):gsub('.*', ('%0'):rep(1e6))"),
             "t.lua:1: string.gsub: a string is longer than 16 MiB");
   EXPECT_EQ(error_of("string.pack('c999999999', '')"),
             "t.lua:1: string.pack: a string is longer than 16 MiB");
+}
+
+TEST_F(SandboxTest, LimitsCannotBeCaught) {
+  const std::string tail = "a string is longer than 16 MiB";
+  const std::pair<const char*, std::string> cases[] = {
+      {"pcall(string.rep, 'x', 2e7)", tail},
+      {"pcall(function() local s = ('x'):rep(1 << 23) s = s .. s .. s end)", tail},
+      {"xpcall(string.rep, print, 'x', 2e7)", tail},
+      {"coroutine.resume(coroutine.create(function() local s = ('x'):rep(1 << 23) s = s .. s .. s end))",
+       tail},
+      {"pcall(string.pack, 'c999999999', '')", "string.pack: " + tail},
+      {"pcall(string.gsub, ('x'):rep(1e6), '.*', ('%0'):rep(1e6))", "string.gsub: " + tail},
+      {"local s = ('x'):rep(9 << 20) pcall(print, s, s)", "print: the text is longer than 16 MiB"}};
+  for (const auto& [statement, message] : cases) {
+    EXPECT_EQ(error_of(std::string(statement) + "\nprint('on')"), "t.lua:1: " + message) << statement;
+    EXPECT_EQ(printed, "") << statement;
+  }
+}
+
+TEST_F(SandboxTest, MemoryLimitCannotBeCaught) {
+  options.memory_limit = 8 << 20;
+  for (const char* const statement :
+       {"pcall(function() local t = {} for i = 1, 1e9 do t[i] = 'text ' .. i end end)",
+        "t = {} pcall(function() for i = 1, 1e9 do t[i] = 'text ' .. i end end)",
+        "pcall(string.rep, 'x', 9 << 20)",
+        "xpcall(function() local t = {} for i = 1, 1e9 do t[i] = {} end end, print)",
+        "local co = coroutine.wrap(function() local t = {} for i = 1, 1e9 do t[i] = {} end end) pcall(co)",
+        "local s = ('x'):rep(1 << 20) pcall(table.concat, {s, s, s, s, s, s, s, s})"}) {
+    EXPECT_EQ(error_of(std::string(statement) + "\nprint('on')"),
+              "t.lua:1: the script needs more than 8 MiB of memory")
+        << statement;
+    EXPECT_EQ(printed, "") << statement;
+  }
+  load_on_surface("for i = 1, 100 do local s = ('x'):rep(3 << 20) .. i end print('on')");  // collects garbage
+  EXPECT_EQ(printed, "on\n");
+}
+
+TEST_F(SandboxTest, NumbersAndOrderIgnoreTheLocaleOfTheHost) {
+  const std::string target = (folder / "de_DE.UTF-8").string();
+  if (std::system(("localedef -i de_DE -f UTF-8 " + target + " > /dev/null 2>&1").c_str()) != 0)
+    GTEST_SKIP() << "no localedef, or it lacks de_DE";
+  ::setenv("LOCPATH", folder.c_str(), 1);
+  const bool is_set = std::setlocale(LC_ALL, "de_DE.UTF-8") != nullptr;
+  const bool has_comma = is_set && *std::localeconv()->decimal_point == ',';
+  if (has_comma)
+    load_on_surface(
+        "print(1.5, tostring(0.1), string.format('%.2f', 2.25), tonumber('1.25'), tonumber('1,25'), 'B' < "
+        "'a')");
+  std::setlocale(LC_ALL, "C");
+  ::unsetenv("LOCPATH");
+  ASSERT_TRUE(has_comma);
+  EXPECT_EQ(printed, "1.5\t0.1\t2.25\t1.25\tnil\ttrue\n");
 }
 
 TEST_F(SandboxTest, StopEndsScriptThatRuns) {
@@ -382,6 +442,14 @@ TEST_F(SandboxTest, LibraryFunctionsBehaveAsInLua) {
                            "table.sort(t, function(a, b) return a > b end)",
                            "#table.move(t, 1, 3, 2)",
                            "string.rep('ab', 3, '-')",
+                           "string.rep('ab', 1, '-')",
+                           "string.rep('', 5, ', ')",
+                           "string.rep('', 5)",
+                           "string.rep('abc', 7)",
+                           "string.rep(7, '3')",
+                           "string.rep('a', -1)",
+                           "string.rep('a', 1.5)",
+                           "string.rep({}, 2)",
                            "string.byte('abc', 1, -1)",
                            "string.sub('abcdef', -3, -2)",
                            "string.pack('<i4z', 7, 'x')",
