@@ -386,22 +386,28 @@ class PartOnField {
     add(p, ManifoldCandidate{position, axis.normal, axis.separation, 0}, out);
   }
 
-  // Adds one contact at the closest points, for crossing edges and for corners. A part that is apart in two
-  // directions is farther away than along either of them.
+  // True if a point is no farther from the top than half of its width.
+  static bool is_near(const Column& q, const Vec3& p) {
+    return std::abs(p.x() - 0.5F * (q.west + q.east)) < q.east - q.west &&
+           std::abs(p.y() - 0.5F * (q.south + q.north)) < q.north - q.south;
+  }
+
+  // Adds one contact at the closest points, for crossing edges and for corners. What falls into the gaps is
+  // guided by the sides of the columns, whatever its deepest point.
   void add_closest(const Plateau& p, const Escape& axis, Candidates& out) const {
     const ClosestPoints closest = closest_to(p.column, axis.normal);
-    const float distance =
-        closest.separated ? closest.distance - proxy_.convex_radius - kColumnConvexRadius : 0.0F;
-    if (distance > margin_) return;
-    const auto add_at_closest = [&](const Vec3& normal, float separation) {
-      const Vec3 on_column = closest.on_b + kColumnConvexRadius * closest.normal;
-      add(p, ManifoldCandidate{on_column, normal, separation, 0}, out);
-    };
-    if (closest.separated && closest.normal.dot(axis.normal) > 0.9F)
-      return add_at_closest(axis.normal, axis.separation);
-    if (!(distance > 0.0F)) return resolve_penetration(p, axis, out);
-    if (!p.column.leans_over_bridge(closest.normal.x(), closest.normal.y(), kLeanTolerance))
-      add_at_closest(closest.normal, distance);
+    const Vec3& n = closest.normal;
+    ManifoldCandidate candidate{closest.on_b + kColumnConvexRadius * n, axis.normal, axis.separation, 0};
+    if (!closest.separated || closest.distance - proxy_.convex_radius - kColumnConvexRadius > margin_ ||
+        !(n.dot(axis.normal) > 0.9F)) {
+      const Vec3 deepest = proxy_.sharp_support(-axis.normal) - axis.separation * axis.normal;
+      candidate.is_apart_twice = closest.separated && columns_.bridges_gaps() &&
+                                 !is_near(p.column, deepest) &&
+                                 n.dot(proxy_.sharp_support(-n)) - p.column.max_projection(n) >
+                                     std::max(axis.separation, kTolerance);
+      if (!candidate.is_apart_twice) candidate.point = deepest;
+    }
+    add(p, candidate, out);
   }
 
   ClosestPoints closest_to(const Column& q, const Vec3& towards_part) const {
