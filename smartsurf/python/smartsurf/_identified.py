@@ -4,6 +4,7 @@ from __future__ import annotations
 import json
 import math
 import pathlib
+import shlex
 from collections.abc import Sequence
 from typing import Any
 
@@ -57,10 +58,13 @@ def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence
     return found
 
 
-def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], found: dict[str, tuple[float, float]],
-                    map_name: str | None) -> str:
+def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], options: dict[str, str],
+                    found: dict[str, tuple[float, float]], map_name: str | None) -> str:
     """The original script between lines that give it the values."""
     lines = [f"-- {original_name} with what smartsurf identify has found in {', '.join(pathlib.Path(r.path).name for r in recordings)}."]
+    if options:
+        words = " ".join("--set " + shlex.quote(f"{name}={value}") for name, value in sorted(options.items()))
+        lines.append("-- There with " + "".join(c if c.isprintable() else " " for c in words))
     lines += ["-- Each parameter: its value and its standard error. With --set uncertainty=2 each run draws from two errors to both sides.",
               "local uncertainty = option('uncertainty', 0, 'half width of the identified ranges, in standard errors')",
               "local identified = {"]

@@ -361,6 +361,19 @@ class Identification(ProgramTest):
         self.refused("table.lua has no option 'lead' (it has load)", f"{recording},lead=1", "--experiment", "table.lua", "-o", "identified.lua")
         self.refused("1 after the comma must be NAME=VALUE", f"{recording},1", "--experiment", "table.lua", "-o", "identified.lua")
 
+    def test_the_result_is_of_the_options_of_the_recording(self):
+        table = public().replace("range = {0, 5}", "range = {option('low', 0, 'lowest height'), 5}").replace("{rows}", "4")
+        table = table.replace("heights[cell] or 0", "heights[cell] or -2").replace("random(0.5, 4.5)", "random(-2.5, 4.5)")
+        self.write("stuck.csv", "row,column,channel,fault,value\n1,2,height,stuck,-2.5\n")
+        recording = self.record("table", table + "faults { map = 'stuck.csv' }\n", "--set", "low=-3", "--vary", "sensor.pin_height.noise=0.01")
+        self.write("public.lua", table)
+        status, _, err = self.identify(recording, "--experiment", "public.lua", "-o", "identified.lua")
+        self.assertEqual(status, 0, err)
+        self.assertRegex((self.folder / "identified.csv").read_text(), r"\n1,2,height,stuck,-2\.(49|5)")
+        self.assertIn("-- There with --set low=-3\n", (self.folder / "identified.lua").read_text())
+        (self.folder / "identified.lua").unlink()
+        self.refused("is of another table", f"{recording},low=0", "--experiment", "public.lua", "-o", "identified.lua")
+
     def test_what_does_not_fit_is_refused(self):
         recording = self.record("table", public())
         self.write("other.lua", public(rows=5))
@@ -376,6 +389,15 @@ class Identification(ProgramTest):
         for part in (0, 100, len(whole) // 2, len(whole) - 1):
             (self.folder / "cut.h5").write_bytes(whole[:part])
             self.refused("cut.h5: cannot be read as a recording", "cut.h5", "--experiment", "table.lua", "-o", "identified.lua")
+        self.refused("no sensor channel 'pin_heigth' (it has pin_height)", recording, "--experiment", "table.lua", "-o", "identified.lua",
+                     "--sensor", "pin_heigth")
+        self.write("deep.lua", public().replace("{0, 5}", "{0, 5.5}"))
+        self.refused("'height' ranges from 0 to 5, but from 0 to 5.5 in deep.lua: is of another table", recording, "--experiment", "deep.lua",
+                     "-o", "identified.lua")
+        conveyors = public().replace("pin { range = {0, 5}, max_speed = 10, max_acceleration = 150 }", "conveyor { lift = {0, 5} }")
+        lifted = self.record("conveyors", conveyors.replace("'height'", "'lift'"))
+        for words in ((), ("--channel", "lift")):
+            self.refused("only pins are identified", lifted, "--experiment", "conveyors.lua", "-o", "identified.lua", *words)
         self.refused("the commands of 'height' never change", self.record("still", public(moves="false")), "--experiment", "table.lua",
                      "-o", "identified.lua")
         self.refused("record with record { actuators = true }", self.record("mute", public(actuators="false")), "--experiment", "table.lua",
