@@ -79,7 +79,7 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
         known = _cell_values(cells, channel, prefix)
     sensors = []
     if cells is not None and height:
-        sensors.append(fit_height_sensor(height, cells, [r.readings[height] for r in read_in], read_in[0].period_s))
+        sensors.append(fit_height_sensor(height, cells, [r.readings[height] for r in read_in]))
     motion = None
     if label is not None:
         near, span = proximity or (None, 0.0)

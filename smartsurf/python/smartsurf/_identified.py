@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ._cells import GOOD, IDLE, STUCK, CellFit
+from ._cells import GOOD, IDLE, STUCK, UNSURE, CellFit
 from ._motion import MotionFit
 from ._readings import SensorFit
 from ._recorded import Array, Recorded
@@ -44,7 +44,8 @@ def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence
     found: dict[str, tuple[float, float]] = {}
     if fit is not None:
         found.update({prefix + name: pair for name, pair in fit.shared.items()})
-        found[prefix + "latency"] = (float(least_delay), 0.0)
+        if (fit.state == GOOD).any():
+            found[prefix + "latency"] = (float(least_delay), 0.0)
         found.update({f"faults.actuator.{name}": (0.0, 0.0) for name in ("stuck", "dead", "weak", "latency")})
     for sensor in sensors:
         for name, estimate in sensor.values.items():
@@ -117,6 +118,8 @@ def summary(fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit
         good = fit.state == GOOD
         out.append(f"actuator channel {fit.channel}: {int(good.sum())} cells answer, {int((fit.state == STUCK).sum())} stuck, "
                    f"{int((fit.state == IDLE).sum())} hardly commanded")
+        if (fit.state == UNSURE).any():
+            out.append(f"  {int((fit.state == UNSURE).sum())} cells not identified: they saw too few steps for their gain, or their delay to a tick")
         for name, (value, error) in fit.shared.items():
             line(name, value, error, _cells_differ(fit, name))
         if good.any():
