@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from . import _residuals
 from ._recorded import Array
 from ._rerun import HEIGHT, Rerun
 
@@ -18,8 +19,9 @@ SHARED = ("max_speed", "max_acceleration", "lag")  # of all cells
 LONGEST_DELAY = 12                                 # ticks
 _NEAR = 0.03                                       # of gains
 _UNKNOWN_GAIN = 0.1                                # a standard error beyond which a cell is not fitted
-GOOD, STUCK, FROZEN, IDLE = range(4)               # FROZEN: the sensor always says the same; IDLE: hardly commanded
-STATES = ("good", "stuck", "frozen", "idle")
+# FROZEN: the sensor always says the same; IDLE: hardly commanded; UNSURE: its gain or delay stays open
+GOOD, STUCK, FROZEN, IDLE, UNSURE = range(5)
+STATES = ("good", "stuck", "frozen", "idle", "unsure")
 
 
 @dataclass
@@ -40,6 +42,7 @@ class CellFit:
     of_cells: dict[str, tuple[Array, Array]]  # the shared ones by cell, each from its own readings alone, with their errors
     samples: int = 0
     outliers: int = 0
+    residuals: _residuals.Residuals | None = None  # of the cells that are good
     predicted: list[Array] = field(default_factory=list)  # by recording
 
 
@@ -90,9 +93,9 @@ class _Problem:
 
 
 def _inverse(of: Array) -> Array:
-    """The inverses of 2 × 2 matrices. LAPACK would start its threads for each of them."""
+    """The inverses of 2 × 2 positive matrices; large ones of singular matrices. LAPACK would start its threads for each of them."""
     (a, b), (c, d) = of[:, 0].T, of[:, 1].T
-    inverse: Array = np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None]
+    inverse: Array = np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / np.maximum(a * d - b * c, 1e-12 * a * d)[:, None, None]
     return inverse
 
 
@@ -130,6 +133,8 @@ def fit_cells(rerun: Rerun, channel: str, prefix: str, readings: Sequence[Array]
                   {}, {}, {})
     if good.any():
         _Search(problem, fit, shared, good).search()
+    else:
+        fit.unknown.update(dict.fromkeys(SHARED, "no cell answers its commands"))
     for name, value in list(vars(fit).items()):
         if isinstance(value, np.ndarray):
             setattr(fit, name, value.reshape(problem.shape))
@@ -179,6 +184,9 @@ class _Search:
         span = np.ptp(problem.y[:, good]) or 1.0
         self.longest = (np.full(3, 2e-3), np.full(problem.cells, 2e-3), np.full(problem.cells, 1e-3 * span))
         self.steps = self.longest  # for derivatives, of the shared logarithms, gains and offsets
+        self.delay_open: Array  # a delay that is not the neighbour of the best one fits as well
+        self.by_delay: Array    # by how much gain and offset change with a neighbouring delay that fits as well
+        self.residuals: _residuals.Residuals
 
     def search(self) -> None:
         if self.shared[2] <= 0:
@@ -192,7 +200,7 @@ class _Search:
             # Lag and delay stand for each other in part: the neighbouring delays, each with its own best lag.
             kept = True
             for step in (-1, 1):
-                if (self.fit.delay + step)[self.good].min() < 0:
+                if (self.fit.delay + step)[self.good].max() < 0:
                     continue
                 self.fit.delay = np.maximum(self.fit.delay + step, 0)
                 other = self.levenberg_marquardt(choose=False, most=4)
@@ -213,14 +221,20 @@ class _Search:
 
     def search_cells(self, wide: bool = False) -> None:
         """Levenberg and Marquardt for each cell by itself, with a damping of its own: one that is far off does not hold up the
-        others, nor do they outvote it. wide: also from neighbouring delays and gains, between which there are minima of their own."""
+        others, nor do they outvote it. wide: also from neighbouring delays and gains, between which there are minima of their own, and
+        from where the middle one of the others is."""
         free, self.free = self.free, []
         best, self.base = self.lower_cells()
         middle = (self.p.y * self.use).sum(0) / np.maximum(self.use.sum(0), 1)
-        for later, more in [(d, g) for d in (0, -1, 1) for g in (0, -_NEAR, _NEAR) if (d, g) != (0, 0)] if wide else []:
+        near = [(d, g) for d in (0, -1, 1) for g in (0, -_NEAR, _NEAR) if (d, g) != (0, 0)]
+        for start in [None, *near] if wide else []:
             before = self.fit.delay, self.fit.gain, self.fit.offset, self.base
-            self.fit.delay = np.clip(self.fit.delay + later, 0, LONGEST_DELAY)
-            self.fit.gain, self.fit.offset = self.fit.gain + more, self.fit.offset - more * middle
+            if start is None:
+                self.fit.delay, self.fit.gain, self.fit.offset = (np.full_like(of, np.median(of[self.good])) for of in before[:3])
+            else:
+                later, more = start
+                self.fit.delay = np.clip(self.fit.delay + later, 0, LONGEST_DELAY)
+                self.fit.gain, self.fit.offset = self.fit.gain + more, self.fit.offset - more * middle
             squares, base = self.lower_cells()
             better = squares < best
             after = self.fit.delay, self.fit.gain, self.fit.offset, base
@@ -305,7 +319,8 @@ class _Search:
 
     def choose_delays(self, base: Array, own: list[Array]) -> None:
         """The delay of each cell that leaves least, after the best small change of its gain and offset."""
-        squares = []
+        squares, changes = [], []
+        most = np.full(self.p.cells, _UNKNOWN_GAIN), 1e2 * self.longest[2]  # where hardly anything depends on them, the best change is no small one
         for d in range(LONGEST_DELAY + 1):
             delay = np.full(self.p.cells, d)
             r = (self.p.y - self.p.late(base, delay)) * self.use
@@ -313,12 +328,21 @@ class _Search:
             aa, bb, ab = (a * a).sum(0), (b * b).sum(0), (a * b).sum(0)
             ra, rb = (r * a).sum(0), (r * b).sum(0)
             det = np.maximum(aa * bb - ab * ab, 1e-30)
-            squares.append((r * r).sum(0) - (ra * (bb * ra - ab * rb) + rb * (aa * rb - ab * ra)) / det)
+            g, o = (np.clip(change / det, -m, m) for m, change in zip(most, (bb * ra - ab * rb, aa * rb - ab * ra)))
+            changes.append((g, o))
+            squares.append((r * r).sum(0) + np.minimum(g * (g * aa + 2 * o * ab - 2 * ra) + o * (o * bb - 2 * rb), 0))
         table = np.array(squares)
         self.fit.delay = table.argmin(0)
         ordered = np.sort(table, axis=0)
         dof = np.maximum(self.use.sum(0) - 2, 1)
-        self.fit.delay_sure = ordered[1] - ordered[0] > 9 * ordered[0] / dof
+        margin = 9 * ordered[0] / dof
+        self.fit.delay_sure = ordered[1] - ordered[0] > margin
+        apart = np.abs(np.arange(LONGEST_DELAY + 1)[:, None] - self.fit.delay)
+        likely = table - ordered[0] <= margin
+        self.delay_open = (likely & (apart > 1)).any(0)
+        change = np.array(changes).transpose(0, 2, 1)  # delays × cells × 2
+        at_best = change[self.fit.delay, np.arange(self.p.cells)]
+        self.by_delay = np.where((likely & (apart == 1))[..., None], np.abs(change - at_best), 0).max(0)
 
     def normal(self, base: Array, slopes: list[Array]) -> tuple[Array, ...]:
         """Weighted normal equations: shared S, s; of cells C (cells × 2 × 2), c; between them M (cells × shared × 2)."""
@@ -404,8 +428,9 @@ class _Search:
         self.use = self.use & ~far
         self.fit.outliers = int(far.sum())
 
-    def errors(self) -> tuple[Array, Array]:
-        """Standard errors of the shared logarithms, and of each cell's gain and offset."""
+    def errors(self, coloured: bool = False) -> tuple[Array, Array]:
+        """Standard errors of the shared logarithms, and of each cell's gain and offset. coloured: with the residuals that were found;
+        else they are white."""
         s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
         inverse = np.zeros_like(c_matrix)
         inverse[self.good] = _inverse(c_matrix[self.good] + 1e-12 * np.eye(2))
@@ -413,10 +438,25 @@ class _Search:
         reduced = s_matrix - np.einsum("cij,cjk,clk->il", m_matrix, inverse, m_matrix)
         covariance = np.linalg.pinv(reduced + 1e-9 * np.eye(n)) if n else np.zeros((0, 0))
         gain = np.einsum("cij,ckj->cik", inverse, m_matrix)  # cells × 2 × shared
+        if coloured:
+            meat = self.meat() * np.where(self.good, 1 / np.maximum(self.variance, 1e-18), 0)[:, None, None] ** 2
+            out = np.concatenate([np.broadcast_to(np.eye(n), (len(gain), n, n)), -gain.transpose(0, 2, 1)], axis=2)
+            covariance = covariance @ np.einsum("cij,cjk,clk->il", out, meat, out) @ covariance
+            # What the readings do not depend on has no white error that is too small.
+            inverse = np.where(np.eye(2), np.maximum(inverse, inverse @ meat[:, n:, n:] @ inverse), inverse)
         own = inverse + np.einsum("cij,jk,clk->cil", gain, covariance, gain)
         # Rounding can make the variance of a flat parameter negative.
         variance = np.diag(covariance)
         return np.sqrt(np.where(variance > 0, variance, np.inf)), np.sqrt(np.maximum(np.einsum("cii->ci", own), 0))
+
+    def meat(self) -> Array:
+        """JᵀΣJ of each cell for the slopes."""
+        j = np.array([self.p.late(k, self.fit.delay) for k in self.slopes])
+        return self.residuals.meat(j, self.use, self.p.late(self.base, self.fit.delay), self.variance)
+
+    def set_residuals(self) -> None:
+        good, late = self.good, self.p.late(self.base, self.fit.delay)
+        self.residuals = _residuals.find(self.p.y[:, good], late[:, good], self.use[:, good], self.p.lengths, self.period, len(self.free))
 
     def clustered_errors(self) -> Array:
         """The larger one of the standard errors of the shared logarithms for which only cells, or only tenths of a second, are
@@ -438,30 +478,73 @@ class _Search:
 
     def drop_flat(self) -> None:
         """Takes parameters out of the search on which the readings do not depend."""
-        why = {0: "no motion reached the greatest speed", 1: "the motion does not depend on the acceleration",
-               2: "too short for the readings, if any"}
         while self.free:
             errors, _ = self.errors()
             short = 2 in self.free and self.shared[2] < 0.1 * self.period
             worst = self.free.index(2) if short else int(errors.argmax())
             if not short and errors[worst] < 0.25:
                 return
-            i = self.free[worst]
-            self.fit.unknown[SHARED[i]] = why[i]
-            self.free.remove(i)
-            if i == 2:
-                self.shared[2] = 0
-            self.base = self.heights()
-            self.set_variance(self.base)
-            self.slopes = self.derivatives()
+            self.drop(self.free[worst])
+
+    def drop(self, i: int) -> None:
+        self.fit.unknown[SHARED[i]] = ("no motion reached the greatest speed", "the motion does not depend on the acceleration",
+                                       "too short for the readings, if any")[i]
+        self.free.remove(i)
+        if i == 2:
+            self.shared[2] = 0
+        self.base = self.heights()
+        self.set_variance(self.base)
+        self.slopes = self.derivatives()
+
+    def lag_shows(self, errors: Array) -> bool:
+        """Whether the motion without lag fits worse by more than chance, three times the errors: near 0 it depends on the square of the
+        lag, so that its error there says little."""
+        at = self.free.index(2)
+        inflated = (errors[at] / self.errors()[0][at]) ** 2
+        before, free, cost = self.state(), list(self.free), self.likelihood()
+        self.shared[2] = 0
+        self.free.remove(2)
+        without = self.levenberg_marquardt(choose=False, most=6)
+        self.free = free
+        self.set_state(before)
+        return bool(without - cost > 9 * max(inflated, 1))
 
     def finish(self) -> None:
         f, p = self.fit, self.p
-        self.choose_delays(self.base, self.slopes[-2:])
-        self.drop_flat()
-        errors, own = self.errors()
+        starts_count = True
+        for last in (False, False, True):
+            self.choose_delays(self.base, self.slopes[-2:])
+            self.drop_flat()
+            self.set_residuals()
+            if starts_count and self.residuals.walks:
+                starts_count = False
+                self.leave_out_starts()
+                self.levenberg_marquardt(most=6)
+                self.set_residuals()
+            errors, own = self.errors(coloured=True)
+            own = np.hypot(own, self.by_delay)
+            unsure = self.good & ((own[:, 0] > _UNKNOWN_GAIN) | self.gain_open() | self.delay_open)
+            f.state[unsure] = UNSURE
+            self.good = self.good & ~unsure
+            if not self.good.any():
+                f.unknown.update(dict.fromkeys(SHARED, "no cell saw enough steps"))
+                f.gain_error = f.offset_error = np.zeros(p.cells)
+                f.delay_sure = np.zeros(p.cells, bool)
+                return
+            if unsure.any() and not last:
+                self.set_outliers()
+                self.levenberg_marquardt(most=6)
+                continue
+            if 2 in self.free and not self.lag_shows(errors):
+                self.drop(2)
+                self.levenberg_marquardt(choose=False, most=6)
+                self.set_residuals()
+                errors, own = self.errors(coloured=True)
+                own = np.hypot(own, self.by_delay)
+            break
         if self.free:
-            errors = np.maximum(errors, self.clustered_errors())
+            errors = np.maximum(errors, np.maximum(self.errors()[0], self.clustered_errors()))
+        f.residuals = self.residuals
         f.shared = {SHARED[i]: (float(self.shared[i]), float(self.shared[i] * errors[k])) for k, i in enumerate(self.free)}
         f.gain_error, f.offset_error = np.where(self.good, own[:, 0], 0), np.where(self.good, own[:, 1], 0)
         f.gain, f.offset = np.where(self.good, f.gain, 1), np.where(self.good, f.offset, 0)
@@ -474,6 +557,28 @@ class _Search:
             f.predicted.append(late[begin:begin + length].reshape(length, *p.shape))
             begin += length
 
+    def leave_out_starts(self) -> None:
+        """Leaves out the first crossing of recordings that begin at rest at a limit, which cuts offsets off to one side: beside those of
+        a walk all pins would start too far up."""
+        speed, acceleration, lag = self.shared
+        crossing = (np.ptp(self.base[:, self.good]) / speed + speed / acceleration + 5 * lag) / self.period
+        frames, begin = int(np.ceil(crossing)) + int(self.fit.delay[self.good].max()), 0
+        for recording, length in zip(self.p.rerun.recordings, self.p.lengths):
+            if recording.from_start and frames < length / 2:
+                self.use[begin:begin + frames] = self.p.use[begin:begin + frames] = False
+            begin += length
+
+    def gain_open(self) -> Array:
+        """Where a far larger or smaller gain, with an offset to it, fits as well: the derivatives of a cell that just arrives as the
+        recording ends are those of an arrival, but with any larger gain it is still on its way."""
+        own = self.normal(self.base, self.slopes)[2]
+        line = own[:, 0, 1] / np.maximum(own[:, 1, 1], 1e-12)
+        best = self.squares(self.base)
+        worse = [self.squares(self.heights(gain=self.fit.gain + step, offset=self.fit.offset - step * line)) - best
+                 for step in (-_UNKNOWN_GAIN, _UNKNOWN_GAIN)]
+        is_open: Array = np.min(worse, axis=0) < 4 * self.variance
+        return is_open
+
     def by_cell(self) -> None:
         """One step of Newton from the common values, for each cell by itself."""
         n = len(self.free)
@@ -484,7 +589,7 @@ class _Search:
         matrix = np.einsum("ifc,jfc->cij", j, j) + 1e-12 * np.eye(n + 2)
         inverse = np.linalg.pinv(matrix)
         step = np.einsum("cij,cj->ci", inverse, np.einsum("ifc,fc->ci", j, r))
-        error = np.sqrt(np.maximum(np.einsum("cii->ci", inverse), 0) * self.variance[:, None])
+        error = np.sqrt(np.maximum(np.einsum("cii->ci", inverse @ self.meat() @ inverse), 0))
         for k, i in enumerate(self.free):
             value = self.shared[i] * np.exp(np.clip(step[:, k], -2, 2))
             known = self.good & (error[:, k] < 0.25)

@@ -18,7 +18,9 @@ from ._rerun import HEIGHT, Rerun
 from ._simulation import Simulation
 
 
-_LEAST_KNOWN = 0.2  # of the readings
+PINS = "height"               # the pins' channel
+HEIGHT_SENSOR = "pin_height"  # where a recording has none, the simulator's heights stand in
+_LEAST_KNOWN = 0.2            # of the readings
 
 
 @dataclass
@@ -32,7 +34,7 @@ class Identified:
 
 
 def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib.Path, output: str | pathlib.Path,
-             channel: str = "height", sensor: str = "pin_height", label: str | None = None, fit: Sequence[str] = tuple(PARAMETERS),
+             channel: str = PINS, sensor: str = HEIGHT_SENSOR, label: str | None = None, fit: Sequence[str] = tuple(PARAMETERS),
              seconds: float | None = None, set: Mapping[str, str] | None = None) -> Identified:
     """The command as a function. channel, sensor: of the actuators' commands and heights. label: of the object, fit: its
     parameters. seconds: of its motion that count [all]. set: options of the experiment; those of a single recording follow its name:
@@ -52,11 +54,11 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
     proximity = _proximity(rerun, read_in)
     force = _object_sensor(rerun, read_in, label, proximity) if label is not None else None
     prefix = "actuator." if "actuator.max_speed" in rerun.parameters else "actuator.pin."
-    height = _height_channel(read_in, sensor, channel)
+    height = _height_channel(read_in, sensor, channel, label)
     cells, least_delay, known = None, 0, {}
     rms: dict[str, float] = {}
     declared: list[Array] | None = None
-    if height is not None and prefix + "max_speed" in rerun.parameters and channel in {c.name for c in rerun.simulation.actuator_channels}:
+    if height is not None and channel == PINS and prefix + "max_speed" in rerun.parameters:
         if all(np.ptp(r.commands[channel], axis=0).max() == 0 for r in read_in if channel in r.commands):
             raise RecordingError(f"{read_in[0].path}: no excitation: the commands of '{channel}' never change")
         readings = [r.readings[height] for r in read_in]
@@ -77,7 +79,7 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
         known = _cell_values(cells, channel, prefix)
     sensors = []
     if cells is not None and height:
-        sensors.append(fit_height_sensor(height, cells, [r.readings[height] for r in read_in], read_in[0].period_s))
+        sensors.append(fit_height_sensor(height, cells, [r.readings[height] for r in read_in]))
     motion = None
     if label is not None:
         near, span = proximity or (None, 0.0)
@@ -98,7 +100,7 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
             rows += found.faults
             rows += _bias(found, rerun)
     report = _identified.summary(cells, sensors, motion, rms)
-    _write(out, experiment, read_in, values, rows, report, set)
+    _write(out, rerun, values, rows, report)
     out.with_suffix(".json").write_text(_identified.as_json(read_in, cells, sensors, motion, values, rms))
     _identified.draw(out.with_suffix(".svg"), read_in, cells, height or "", motion, declared)
     return Identified(values, cells, sensors, motion, report)
@@ -136,16 +138,21 @@ def _check_output(out: pathlib.Path, experiment: str | pathlib.Path, recordings:
                 raise RecordingError(f"{target}: would overwrite what is read")
 
 
-def _height_channel(recordings: Sequence[Recorded], sensor: str, channel: str) -> str | None:
+def _height_channel(recordings: Sequence[Recorded], sensor: str, channel: str, label: str | None) -> str | None:
     for recording in recordings:
+        there = ", ".join(sorted(recording.commands)) or "none"
+        if label is None and channel in recording.commands and channel != PINS:
+            raise RecordingError(f"{recording.path}: actuator channel '{channel}': of actuators, only pins are identified, by their channel '{PINS}'")
         if channel not in recording.commands:
-            there = ", ".join(sorted(recording.commands)) or "none"
-            raise RecordingError(f"{recording.path}: no actuator channel '{channel}' (it has {there}); --channel names another")
-    for name in (sensor, ""):
+            raise RecordingError(f"{recording.path}: no actuator channel '{channel}' (it has {there}); of actuators, only pins are identified"
+                                 + ("" if label is None else "; --channel names the one that moves the object"))
+    for name in (sensor, "") if sensor == HEIGHT_SENSOR else (sensor,):
         if all(name in recording.readings for recording in recordings):
             return name
-    if sensor != "pin_height":
-        raise RecordingError(f"{recordings[0].path}: no sensor channel '{sensor}' (it has {', '.join(sorted(recordings[0].readings))})")
+    if sensor != HEIGHT_SENSOR:
+        lacking = next(r for r in recordings if sensor not in r.readings)
+        there = ", ".join(sorted(name for name in lacking.readings if name)) or "none"
+        raise RecordingError(f"{lacking.path}: no sensor channel '{sensor}' (it has {there})")
     return None
 
 
@@ -201,17 +208,16 @@ def _object_sensor(rerun: Rerun, recordings: Sequence[Recorded], label: str, pro
     return force
 
 
-def _write(out: pathlib.Path, experiment: str | pathlib.Path, recordings: Sequence[Recorded], values: dict[str, tuple[float, float]],
-           rows: _identified.Rows, report: str, set: Mapping[str, str] | None) -> None:
-    map_file = out.with_suffix(".csv")
-    original = pathlib.Path(experiment).read_text()
-    text = _identified.experiment_text(original, pathlib.Path(experiment).name, recordings, values, map_file.name if rows else None)
+def _write(out: pathlib.Path, rerun: Rerun, values: dict[str, tuple[float, float]], rows: _identified.Rows, report: str) -> None:
+    experiment, map_file = pathlib.Path(rerun.experiment), out.with_suffix(".csv")
+    text = _identified.experiment_text(experiment.read_text(), experiment.name, rerun.recordings, rerun.options[0], values,
+                                        map_file.name if rows else None)
     if rows:
         map_file.write_text(_identified.map_text(rows))
     out.write_text(text)
     out.with_suffix(".txt").write_text(report)
     try:
-        Simulation(out, set=dict(set or {}))
+        Simulation(out, set=rerun.options[0])
     except Error as error:
         out.unlink()
         raise RecordingError(f"{out}: {error}; the files of {experiment} must be beside it") from error

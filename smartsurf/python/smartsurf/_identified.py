@@ -4,12 +4,13 @@ from __future__ import annotations
 import json
 import math
 import pathlib
+import shlex
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ._cells import GOOD, IDLE, STUCK, CellFit
+from ._cells import GOOD, IDLE, STUCK, UNSURE, CellFit
 from ._motion import MotionFit
 from ._readings import SensorFit
 from ._recorded import Array, Recorded
@@ -43,7 +44,8 @@ def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence
     found: dict[str, tuple[float, float]] = {}
     if fit is not None:
         found.update({prefix + name: pair for name, pair in fit.shared.items()})
-        found[prefix + "latency"] = (float(least_delay), 0.0)
+        if (fit.state == GOOD).any():
+            found[prefix + "latency"] = (float(least_delay), 0.0)
         found.update({f"faults.actuator.{name}": (0.0, 0.0) for name in ("stuck", "dead", "weak", "latency")})
     for sensor in sensors:
         for name, estimate in sensor.values.items():
@@ -57,10 +59,13 @@ def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence
     return found
 
 
-def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], found: dict[str, tuple[float, float]],
-                    map_name: str | None) -> str:
+def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], options: dict[str, str],
+                    found: dict[str, tuple[float, float]], map_name: str | None) -> str:
     """The original script between lines that give it the values."""
     lines = [f"-- {original_name} with what smartsurf identify has found in {', '.join(pathlib.Path(r.path).name for r in recordings)}."]
+    if options:
+        words = " ".join("--set " + shlex.quote(f"{name}={value}") for name, value in sorted(options.items()))
+        lines.append("-- There with " + "".join(c if c.isprintable() else " " for c in words))
     lines += ["-- Each parameter: its value and its standard error. With --set uncertainty=2 each run draws from two errors to both sides.",
               "local uncertainty = option('uncertainty', 0, 'half width of the identified ranges, in standard errors')",
               "local identified = {"]
@@ -113,6 +118,8 @@ def summary(fit: CellFit | None, sensors: Sequence[SensorFit], motion: MotionFit
         good = fit.state == GOOD
         out.append(f"actuator channel {fit.channel}: {int(good.sum())} cells answer, {int((fit.state == STUCK).sum())} stuck, "
                    f"{int((fit.state == IDLE).sum())} hardly commanded")
+        if (fit.state == UNSURE).any():
+            out.append(f"  {int((fit.state == UNSURE).sum())} cells not identified: they saw too few steps for their gain, or their delay to a tick")
         for name, (value, error) in fit.shared.items():
             line(name, value, error, _cells_differ(fit, name))
         if good.any():

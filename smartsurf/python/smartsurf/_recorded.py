@@ -8,7 +8,7 @@ import pathlib
 import resource
 import signal
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import h5py
@@ -45,6 +45,7 @@ class Recorded:
     commands: dict[str, Array]     # F × rows × columns, float32
     readings: dict[str, Array]     # the same; channels of one component
     lost: int
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)  # of the commands, where the recording says so
 
     @property
     def frames(self) -> int:
@@ -224,6 +225,8 @@ def _read(name: str, file: h5py.File) -> Recorded:
         return held
 
     commands = {key: plane(data, False) for key, data in planes("actuators").items()}
+    ranges = {key: (float(data.attrs["minimum"]), float(data.attrs["maximum"])) for key, data in planes("actuators").items()
+              if {"minimum", "maximum"} <= data.attrs.keys()}
     readings = {key: plane(data, True) for key, data in planes("sensors").items()}
     if not is_live and "surface/height" in file:
         readings.setdefault("", plane(file["surface/height"], True))  # the heights themselves
@@ -249,4 +252,4 @@ def _read(name: str, file: h5py.File) -> Recorded:
     options = {key: _text(value) for key, value in file["meta/options"].attrs.items()} if "meta/options" in file else {}
     return Recorded(name, rows, columns, float(surface["pitch"]), float(meta["control_period_s"]),
                     _text(meta.get("experiment_file", "")), int(meta.get("seed", 1)), options,
-                    not is_live and int(ticks[0]) == 0, commands, readings, frames - len(ticks))
+                    not is_live and int(ticks[0]) == 0, commands, readings, frames - len(ticks), ranges)

@@ -54,12 +54,14 @@ class Rerun:
         plain = Simulation(experiment, set=given, source=source)
         by_options: dict[tuple[tuple[str, str], ...], Simulation] = {}
         self.simulations: list[Simulation] = []  # by recording: with its options
+        self.options: list[dict[str, str]] = []  # the same: those that are not the experiment's own
         for recording in recordings:
             own = {name: value for name, value in recording.options.items() if name in plain.options and plain.options[name] != value}
             key = tuple(sorted({**own, **given}.items()))
             if key not in by_options:
                 by_options[key] = Simulation(experiment, set=dict(key), source=source) if own else plain
             self.simulations.append(by_options[key])
+            self.options.append(dict(key))
         self.simulation = self.simulations[0]
         self._check_table()
         self.names = {s: set(s.parameters) for s in self.simulations}
@@ -75,11 +77,16 @@ class Rerun:
                                        ("pitch", recording.pitch, s.pitch), ("control period", recording.period_s, s.period)):
                 if abs(theirs - ours) > 1e-6 * abs(ours):
                     raise RecordingError(f"{recording.path}: {what} {theirs:g}, but {self.experiment} has {ours:g}: is of another table")
-            known = {channel.name for channel in s.actuator_channels}
+            known = {channel.name: channel for channel in s.actuator_channels}
             for name in recording.commands:
                 if name not in known:
                     raise RecordingError(f"{recording.path}: actuator channel '{name}', which {self.experiment} does not have "
                                          f"(it has {', '.join(sorted(known)) or 'none'})")
+                low, high = known[name].minimum, known[name].maximum
+                was = recording.ranges.get(name, (low, high))
+                if not np.allclose(was, (low, high), rtol=1e-6, atol=1e-6 * (high - low)):
+                    raise RecordingError(f"{recording.path}: '{name}' ranges from {was[0]:g} to {was[1]:g}, but from {low:g} to {high:g} "
+                                         f"in {self.experiment}: is of another table")
 
     def settle_ticks(self, recording: Recorded) -> int:
         """Ticks in which the first commands of a recording are held before it: its past is unknown."""
