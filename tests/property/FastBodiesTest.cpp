@@ -256,6 +256,35 @@ TEST_P(FastBodies, SpinningMoveOn) {
   }
 }
 
+// Boxes that tumble beside a ball just out of their reach.
+TEST_P(FastBodies, TumblingBesideOthersKeepsItsEnergy) {
+  Draw draw(13);
+  for (int i = 0; i < 30; ++i) {
+    SCOPED_TRACE(i);
+    restart(0.0);
+    fixture.scene.world.sleep = false;
+    const Vector3d size(1, draw.uniform(0.1, 0.5), draw.uniform(0.1, 0.5)), at(15, 15, 50);
+    auto tumbling = box(size, at);
+    tumbling.orientation = draw.rotation();
+    tumbling.angular_velocity = draw.uniform(5, 20) * draw.direction();
+    const Vector3d squares = size.cwiseAbs2();
+    tumbling.mass = 1;
+    const Vector3d moments = 1.0 / 12 * (Vector3d::Constant(squares.sum()) - squares);
+    const scene::ObjectId id = fixture.add(tumbling);
+    auto ball = sphere(0.05, at + (0.5 * size.norm() + 0.05 + draw.uniform(0.005, 0.1)) * draw.direction());
+    ball.fixed = true;
+    fixture.add(ball);
+    const auto energy = [&] {
+      const auto state = fixture.world().state(id);
+      return moments.dot((state.orientation.conjugate() * state.angular_velocity).cwiseAbs2());
+    };
+    const double before = energy();
+    fixture.run(1.0);
+    EXPECT_NEAR(energy() / before, 1.0, 0.01);
+    EXPECT_LT(fixture.velocity(id).norm(), 1e-4F);
+  }
+}
+
 TEST(FastBodiesSleep, WakeWhatTheyHit) {
   for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
     PhysicsFixture fixture;
