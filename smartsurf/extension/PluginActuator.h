@@ -30,7 +30,7 @@ class PluginActuator final : public surface::Actuator {
  private:
   bool has(smartsurf_plugin_actuator_flags flag) const noexcept { return (type_.flags & flag) != 0; }
   smartsurf_plugin_motion motion(double dt_s, surface::Field&) noexcept;
-  // What of the cell's motion is refused; null if nothing is.
+  // Why the cell's motion is refused, or null.
   const char* refused_motion(std::uint32_t cell, const surface::Field&) const noexcept;
   void plan_under_load(std::uint32_t cell, float dt_s, surface::Field&) noexcept;
 

@@ -15,7 +15,7 @@
 
 namespace hardware {
 
-// Whether a calibration file of a table whose actuator has this range may hold the fit.
+// True if the calibration file of a table whose actuator has this range can hold the fit.
 bool is_usable(const CellFit&, double range);
 
 class Calibration {

@@ -307,7 +307,7 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   fit.value[CellFit::kPlay] = best[2] > 2 * error(2) ? best[2] : 0;
   const auto set_speed = [&](int parameter, int i) {  // v = 1 / x: dv = v² dx
     const double v = 1 / best[i], its_error = v * v * error(i);
-    if (its_error > v) return;  // it may be any: the limit shows in next to none of the readings
+    if (its_error > v) return;  // not known: too few readings show the limit
     fit.value[parameter] = v;
     fit.error[parameter] = its_error;
   };

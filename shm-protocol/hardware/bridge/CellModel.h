@@ -57,7 +57,7 @@ struct CellRecording {
 
 enum class CellState : std::uint8_t {
   kGood = 0,
-  kStuck = 1,  // the sensor works, but what it says does not depend on the command, or as in no usable model
+  kStuck = 1,  // the sensor works, but what it says does not depend on the command, or fits no usable model
   kDead = 2    // the sensor always says the same
 };
 

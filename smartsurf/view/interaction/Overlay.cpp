@@ -17,7 +17,7 @@ std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
-// A channel that reaches this far, as pressure, has no limit that its values come near.
+// Channels with at least this range, such as pressure, declare no limit that their values come near.
 constexpr float kNoLimit = 1e6F;
 
 const Channel* find_channel(const FrameInput& input, const std::string& name) {
@@ -113,7 +113,8 @@ void Overlay::sample_trails(const FrameInput& input) {
   if (settings.trails) trails_.add(input, settings.trail_length_s);
 }
 
-// A round number that changes only when the largest value leaves a fifth to the whole of it.
+// The bright end is a round number, which changes only when the largest value exceeds it or falls below a
+// fifth of it.
 void Overlay::fit_to_values(const Channel& channel, ColourScale& scale) {
   float largest = 0.0F;
   for (const float value : channel.values)

@@ -213,9 +213,9 @@ double JointSolver::axis_compliance(const Block& block, double relative) {
   return block.law.slope() > 0.0 ? 1.0 / block.law.slope() : -1.0;
 }
 
-// Moves the axes of a tree that disobey their laws to the next place; all of them, or only the first. Without
-// what held an axis until now, its bodies may be as fast as they never get: before their poses say anything,
-// the rigid rows are to have the speeds again that they were solved for.
+// Moves the axes of a tree that disobey their laws to the next place; all of them, or only the first.
+// Releasing an axis leaves transient speeds, from which no pose can be predicted: keeps the speeds that the
+// rigid rows were solved for, which the next round restores.
 bool JointSolver::change_places(const JointEquations::Tree& tree, bool all) {
   bool any = false;
   for (const std::int32_t k : joints_of(tree)) {
@@ -557,7 +557,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       any_open = any_open || s.is_open();
-      // After a change the speeds are to be solved for again, so the last round makes none.
+      // A change leaves speeds that another round must solve for, so the last round makes none.
       s.has_changed = s.is_open() && round > 0 && round < kMaxRounds &&
                       change_places(equations_.trees()[t], round < kFreeRounds);
       if (s.has_changed) s.is_factored = false;

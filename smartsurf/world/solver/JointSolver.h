@@ -161,7 +161,7 @@ class JointSolver {
     int rigid_rows = 0;  // the first ones; the last one of all is the axis, if the joint has a coordinate
     RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
     RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
-    RowVector solved_speeds = RowVector::Zero();  // by the last round, when places of axes change
+    RowVector solved_speeds = RowVector::Zero();  // before the places of axes changed
     RowVector error = RowVector::Zero(), target_error = RowVector::Zero();  // of the rigid rows
     RowVector impulse = RowVector::Zero();                                  // in this substep
     RowVector correction = RowVector::Zero();  // of which only moves bodies back onto the joint

@@ -68,10 +68,10 @@ class Solver {
   // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A
   // body may occur repeatedly.
   std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
-  // The motion of a row's body in the step, and a shorter one in its place.
+  // The motion of a row's body in the step, and its velocity at the end.
   const DeltaPose& motion(int row) const { return delta_pose_[row]; }
   const BodyVelocity& velocity(int row) const { return velocity_[row]; }
-  // The first part of a motion.
+  // Replaces a row's motion by the first part of another.
   void set_motion(int row, const DeltaPose& motion, float fraction) {
     DeltaPose& delta = delta_pose_[row];
     for (int axis = 0; axis < 3; ++axis) {
