@@ -1,6 +1,6 @@
 // Partitions the bodies into slabs of the grid, so that each thread works on one region through a whole step:
-// the region stays in the cache of its core, and only contacts across slab boundaries cause cache traffic. The
-// narrow phase may hand slabs next to a boundary to the neighbour (SlabQueue).
+// the region stays in the cache of its core, and only contacts across slab boundaries cause cache traffic.
+// The narrow phase may hand slabs next to a boundary to the neighbour (SlabQueue).
 //
 // Slabs are stacked along y, or along x if the grid is longer there and has few cells along y. They depend on
 // the bodies' positions only, not on the number of threads.
