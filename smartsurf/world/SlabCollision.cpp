@@ -260,10 +260,10 @@ void CollisionPipeline::correct_internal_edges(const BodyStore& bodies, std::siz
     solids.push_back({*bodies.shape[n.body], bodies.origin(n.body), bodies.axes[n.body]});
     const Vec3 origin =
         n.impact_s > 0.0F ? PairSweep(bodies, i, n.body, dt_s_).origin_of_a(n.impact_s) : bodies.origin(i);
-    for (std::size_t k = n.first; k < n.end; ++k) seam.push_back({&contacts[k], origin});
+    for (std::size_t k = n.first; k < n.end; ++k) seam.push_back({&contacts[k], origin, origin});
   }
-  const float radius = bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F;
-  if (may_have_internal_edges(solids)) mark_internal_edges(solids, true, radius, seam);
+  if (may_have_internal_edges(solids))
+    mark_internal_edges(solids, true, *bodies.shape[i], bodies.axes[i], seam);
 }
 
 void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std::size_t j,

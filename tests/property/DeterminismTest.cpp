@@ -88,7 +88,7 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics24");
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics25");
   EXPECT_EQ(hash_after(3.0), 0x6bd4194aa659ed31U);
   EXPECT_EQ(hash_of_crowd(1), 0xbe2f4d174a63badeU);
 }

@@ -33,6 +33,19 @@ std::vector<Block> random_track(std::mt19937& random, double length) {
   return blocks;
 }
 
+// Equal blocks with their tops at z = 0 that cover a square: in columns, or as bricks.
+std::vector<Block> tiles(const Vector3d& size, double half_width, bool are_bricks) {
+  std::vector<Block> blocks;
+  const int columns = static_cast<int>(std::ceil(half_width / size.x())),
+            rows = static_cast<int>(std::ceil(half_width / size.y()));
+  for (int row = -rows; row <= rows; ++row)
+    for (int column = -columns; column <= columns; ++column) {
+      const double shift = are_bricks && row % 2 != 0 ? 0.5 : 0.0;
+      blocks.push_back({size, {(column + shift) * size.x(), row * size.y(), -0.5 * size.z()}});
+    }
+  return blocks;
+}
+
 struct Drawn {
   std::mt19937 random;
   Eigen::Quaterniond pose;
@@ -60,9 +73,8 @@ class Seams : public testing::TestWithParam<double> {
  protected:
   PhysicsFixture fixture;
   // Fixed blocks, or one fixed body of them.
-  void add_track(Drawn& drawn, double length, bool as_one_body) {
+  void add_track(const Drawn& drawn, const std::vector<Block>& blocks, bool as_one_body) {
     fixture.scene.world.gravity = drawn.pose * Vector3d(0, 0, -kGravity);
-    const std::vector<Block> blocks = random_track(drawn.random, length);
     if (as_one_body) {
       auto o = compound(blocks);
       o.position = drawn.at, o.orientation = drawn.pose, o.fixed = true;
@@ -91,7 +103,7 @@ TEST_P(Seams, BallRollsOverThem) {
     Drawn drawn(seed);
     const double radius = drawn.uniform(0.15, 1.0), speed = drawn.uniform(1, 40),
                  seconds = std::min(2.0, 20 / speed);
-    add_track(drawn, 24, seed % 2 == 0);
+    add_track(drawn, random_track(drawn.random, 24), seed % 2 == 0);
     auto ball = sphere(radius, drawn.to_world({0, 0, radius}));
     ball.velocity = drawn.pose * Vector3d(speed, 0, 0);
     ball.angular_velocity = drawn.pose * Vector3d(0, speed / radius, 0);
@@ -121,7 +133,7 @@ TEST_P(Seams, BoxSlidesOverThem) {
     const double height = drawn.uniform(0.3, 0.6), width = drawn.uniform(0.6, 2),
                  length = drawn.uniform(0.6, 2);
     const Vector3d size(length, width, height);
-    add_track(drawn, 24, seed % 2 == 0);
+    add_track(drawn, random_track(drawn.random, 24), seed % 2 == 0);
     auto slider = box(size, drawn.to_world({0, 0, 0.5 * size.z()}));
     slider.velocity = drawn.pose * Vector3d(speed, 0, 0);
     slider.orientation = drawn.pose;
@@ -135,6 +147,69 @@ TEST_P(Seams, BoxSlidesOverThem) {
     const double distance = speed * speed / (2 * mu * kGravity);
     EXPECT_NEAR(end.x(), distance, 0.005 * distance + 0.5 * speed * GetParam());
     EXPECT_NEAR(end.y(), 0.0, 0.02);
+  }
+}
+
+// Fixed bodies, or one of many parts, that tile the plane, with four or three corners at a point, under a
+// path oblique to their edges.
+TEST_P(Seams, NothingHappensWhereCornersMeet) {
+  enum Rider { kBox, kHull, kDisc, kCylinder, kCapsule, kSphere, kRiders };
+  for (unsigned seed = 1; seed <= seeds(GetParam() < 0.002 ? 12 : 24); ++seed) {
+    SCOPED_TRACE(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    Drawn drawn(seed);
+    const auto rider = static_cast<Rider>(seed % kRiders);
+    const bool rolls = rider >= kCylinder, as_one_body = seed / kRiders % 4 == 3;
+    const double mu = 0.2, speed = drawn.uniform(2, 6), heading = drawn.uniform(0, 2 * std::numbers::pi);
+    const double reach = rolls ? speed : speed * speed / (2 * mu * kGravity);
+    const Vector3d along(std::cos(heading), std::sin(heading), 0), start = -0.5 * reach * along;
+    fixture.scene.materials[0].friction = mu;
+    const double tile = drawn.uniform(0.6, 2.0), ratio = drawn.uniform(0.7, 1.4),
+                 thickness = drawn.uniform(0.4, 1.5);
+    add_track(drawn, tiles({tile, ratio * tile, thickness}, 0.5 * reach + 2, seed / kRiders % 2 == 1),
+              as_one_body);
+
+    const double size = drawn.uniform(0.25, 0.6), width = drawn.uniform(0.6, 2),
+                 length = drawn.uniform(0.6, 2),
+                 turn = rolls ? heading : drawn.uniform(0, 2 * std::numbers::pi);
+    const Vector3d at = drawn.to_world(start + Vector3d(0, 0, size)), extent(length, width, 2 * size);
+    scene::ObjectSpec o;
+    switch (rider) {
+      case kBox:
+        o = box(extent, at);
+        break;
+      case kHull:
+        o = compound({{extent, Vector3d::Zero()}});
+        o.position = at, o.mass = 1.0;
+        o.inertia =
+            Eigen::Matrix3d(((extent.squaredNorm() - extent.array().square()) / 12).matrix().asDiagonal());
+        break;
+      case kDisc:
+        o = cylinder(0.5 * length, 2 * size, at);
+        break;
+      case kCylinder:
+        o = cylinder(size, width, at);
+        break;
+      case kCapsule:
+        o = capsule(size, width + 2 * size, at);
+        break;
+      default:
+        o = sphere(size, at);
+    }
+    o.orientation = drawn.pose * Eigen::AngleAxisd(turn, Vector3d::UnitZ());
+    if (rider == kCylinder || rider == kCapsule)
+      o.orientation = o.orientation * Eigen::AngleAxisd(0.5 * std::numbers::pi, Vector3d::UnitX());
+    o.velocity = drawn.pose * Vector3d(speed * along);
+    if (rolls) o.angular_velocity = drawn.pose * Vector3d(Vector3d::UnitZ().cross(along) * speed / size);
+    const auto id = fixture.add(o);
+    double hop = 0.0;
+    fixture.run(rolls ? 1.0 : speed / (mu * kGravity) + 0.2,
+                [&] { hop = std::max(hop, std::abs(on_track(drawn, fixture.position(id)).z() - size)); });
+    EXPECT_LT(hop, 3e-3);
+    const Vector3d moved = on_track(drawn, fixture.position(id)) - start;
+    EXPECT_NEAR(moved.dot(along), reach, 0.005 * reach + (rolls ? 0.0 : 0.5 * speed * GetParam()));
+    EXPECT_NEAR(along.cross(moved).z(), 0.0, 0.02);
   }
 }
 

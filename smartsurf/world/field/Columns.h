@@ -57,6 +57,8 @@ class Columns {
         bridges_x_(width > pitch_ - 2.0F * half_x_),
         bridges_y_(width > pitch_ - 2.0F * half_y_) {}
 
+  // True if the body is wider than the gaps.
+  bool bridges_gaps() const { return bridges_x_ && bridges_y_; }
   // Cells whose bridged columns can touch the rectangle.
   CellRange cells_covering(float x_low, float x_high, float y_low, float y_high) const {
     const float inverse = 1.0F / pitch_;

@@ -375,7 +375,7 @@ class PartOnField {
       add(p, ManifoldCandidate{point_at(deepest), normal, distance.distance, 0}, out);
   }
 
-  // The GJK cores overlap: uses the SAT axis of least penetration and the deepest point of the part, clamped
+  // Uses the SAT axis of least penetration and the deepest point of the part, clamped
   // to the column.
   void resolve_penetration(const Plateau& p, const Escape& axis, Candidates& out) const {
     const Column& q = p.column;
@@ -386,17 +386,28 @@ class PartOnField {
     add(p, ManifoldCandidate{position, axis.normal, axis.separation, 0}, out);
   }
 
-  // Adds one contact at the closest points, for crossing edges and for corners.
+  // True if a point is no farther from the top than half of its width.
+  static bool is_near(const Column& q, const Vec3& p) {
+    return std::abs(p.x() - 0.5F * (q.west + q.east)) < q.east - q.west &&
+           std::abs(p.y() - 0.5F * (q.south + q.north)) < q.north - q.south;
+  }
+
+  // Adds one contact at the closest points, for crossing edges and for corners. What falls into the gaps is
+  // guided by the sides of the columns, whatever its deepest point.
   void add_closest(const Plateau& p, const Escape& axis, Candidates& out) const {
     const ClosestPoints closest = closest_to(p.column, axis.normal);
-    if (closest.separated && closest.distance - proxy_.convex_radius - kColumnConvexRadius <= margin_ &&
-        closest.normal.dot(axis.normal) > 0.9F)
-      return add(p,
-                 ManifoldCandidate{closest.on_b + kColumnConvexRadius * closest.normal, axis.normal,
-                                   axis.separation, 0},
-                 out);
-    const Vec3 lowest = proxy_.sharp_support(-axis.normal);
-    add(p, ManifoldCandidate{lowest - axis.separation * axis.normal, axis.normal, axis.separation, 0}, out);
+    const Vec3& n = closest.normal;
+    ManifoldCandidate candidate{closest.on_b + kColumnConvexRadius * n, axis.normal, axis.separation, 0};
+    if (!closest.separated || closest.distance - proxy_.convex_radius - kColumnConvexRadius > margin_ ||
+        !(n.dot(axis.normal) > 0.9F)) {
+      const Vec3 deepest = proxy_.sharp_support(-axis.normal) - axis.separation * axis.normal;
+      candidate.is_apart_twice = closest.separated && columns_.bridges_gaps() &&
+                                 !is_near(p.column, deepest) &&
+                                 n.dot(proxy_.sharp_support(-n)) - p.column.max_projection(n) >
+                                     std::max(axis.separation, kTolerance);
+      if (!candidate.is_apart_twice) candidate.point = deepest;
+    }
+    add(p, candidate, out);
   }
 
   ClosestPoints closest_to(const Column& q, const Vec3& towards_part) const {

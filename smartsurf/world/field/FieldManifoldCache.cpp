@@ -23,6 +23,7 @@ constexpr float kSlipFraction = 0.025F, kMaxSlip = 0.05F;
 // Greatest relative motion of cells that were level, u. Beyond it, an edge is exposed that has no cached
 // point.
 constexpr float kMaxLevelChange = 0.004F;
+constexpr float kNoLimit = std::numeric_limits<float>::infinity();
 
 float max_travel(const BodyStore& bodies, std::size_t i) {
   return bodies.is_axisymmetric[i]
@@ -160,7 +161,7 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
     chunk_cache.points.push_back(
         {axes.transpose() * (candidate.point + candidate.separation * candidate.normal - centre),
          candidate.point, candidate.normal, field_.column_height()[candidate.tag], candidate.tag, part_index,
-         plane});
+         plane, candidate.is_apart_twice ? 0.5F * candidate.separation : -kNoLimit});
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
     const float* const row = &field_.column_height()[field_.index(r, 0)];
     chunk_cache.heights.insert(chunk_cache.heights.end(), row + cells.column_begin, row + cells.column_end);
@@ -188,12 +189,13 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   const float max_height = columns.max_height(cells);
   if (centre.z() - extent.z() > max_height) return;
   rebuild(bodies, i, wide_margin, cells, max_height, chunk_cache);
-  reduce(bodies, i, margin, std::numeric_limits<float>::infinity(), chunk_cache, out);
+  reduce(bodies, i, margin, kNoLimit, chunk_cache, out);
 }
 
 // Updates the separations of the cached points and appends a reduced manifold per plane of each part. Returns
 // false and appends nothing if the body has slipped too far at any point: each pair of points was aligned
-// along its normal when cached.
+// along its normal when cached. Likewise if it has come so near to a column that it may miss that another
+// normal is to be found.
 bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float margin, float slip_limit,
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
@@ -203,6 +205,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
   const float lowest = lowest_point(*bodies.shape[i], centre, bodies.axes[i]);
   auto height_change = [&](const CachedPoint& p) { return field_.column_height()[p.cell] - p.top; };
   float slip_squared = 0.0F;  // the greatest, u²
+  bool may_have_missed = false;
   const CachedPoint* const end = chunk_cache.points.data() + manifold.first_point + manifold.point_count;
   for (const CachedPoint *begin_of_plane = end - manifold.point_count, *end_of_plane = begin_of_plane;
        begin_of_plane < end; begin_of_plane = end_of_plane) {
@@ -215,11 +218,12 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
       const Vec3 offset = on_body - end_of_plane->on_cell - Vec3(0, 0, height_change(*end_of_plane));
       const float separation = end_of_plane->normal.dot(offset);
       slip_squared = std::max(slip_squared, offset.squaredNorm() - separation * separation);
+      may_have_missed |= separation < end_of_plane->least_separation;
       const bool bears = separation <= margin &&
                          !rides_up(end_of_plane->normal, field_.column_height()[end_of_plane->cell], lowest);
       points.add(on_body, bears ? separation : std::numeric_limits<float>::infinity());
     }
-    if (slip_squared > slip_limit * slip_limit) {
+    if (slip_limit < kNoLimit && (may_have_missed || slip_squared > slip_limit * slip_limit)) {
       out.resize(first_contact);
       return false;
     }

@@ -21,6 +21,7 @@ class FieldManifoldCache {
     float top;             // height of the cell when cached, u
     std::int32_t cell;
     std::int32_t part_index, plane;
+    float least_separation;  // nearer, the manifold is found anew
   };
   struct CachedManifold {
     std::int32_t body;

@@ -59,12 +59,12 @@ void for_each_solid_part(std::span<const Solid> solids, Visit visit) {
     for_each_part(solids[i].shape, [&](const ConvexPart& part) { visit(i, part); });
 }
 
-// True if another part has a face in the plane at its point.
-bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const ConvexPart& own_part,
-                  const Plane& plane) {
+// True if a part other than that which `is_own` names has a face in the plane at its point.
+template <class IsOwn>
+bool is_continued(std::span<const Solid> solids, IsOwn is_own, const Plane& plane) {
   bool found = false;
   for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
-    if (found || (i == own_solid && are_same(part, own_part))) return;
+    if (found || is_own(i, part)) return;
     const Solid& solid = solids[i];
     const Vec3 local = solid.axes.transpose() * (plane.point - solid.centre);
     if (!is_near(part, local, kLevel)) return;
@@ -79,12 +79,28 @@ bool is_continued(std::span<const Solid> solids, std::size_t own_solid, const Co
   return found;
 }
 
+// True if another part lies on the plane at its point, as the next tile of a floor does on the side of a tile.
+template <class IsOwn>
+bool is_covered(std::span<const Solid> solids, IsOwn is_own, const Plane& plane) {
+  const Vec3 above = plane.point + kProbes[0] * plane.normal;
+  bool found = false;
+  for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
+    if (found || is_own(i, part)) return;
+    const Solid& solid = solids[i];
+    const Vec3 local = solid.axes.transpose() * (above - solid.centre);
+    found = is_near(part, local, kGap) && signed_distance(part, local, kGap).distance <= kGap;
+  });
+  return found;
+}
+
 // The plane in which a contact at `point`, with the unit normal out of the solids, lies; none if it is no
-// internal edge. Of several, that nearest to the contact's normal, or to its point.
+// internal edge. Of several, one that no part covers, and that nearest to the contact's normal, or to its
+// point.
 std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, const Vec3& normal) {
   constexpr float kSameCosine = 1e-4F;
   std::optional<Plane> found;
   float best_cosine = 0.0F, best_distance = 0.0F;
+  bool is_best_covered = false;
   for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
     const Solid& solid = solids[i];
     const Vec3 local = solid.axes.transpose() * (point - solid.centre),
@@ -95,9 +111,9 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
       const float height = face.dot(local) - offset, cosine = face.dot(direction),
                   distance = std::abs(height);
       if (distance > depth || cosine < -kMinTilt) return;
-      if (found && (cosine < best_cosine - kSameCosine ||
-                    (cosine <= best_cosine + kSameCosine && distance >= best_distance)))
-        return;
+      const bool is_nearer = !found || cosine > best_cosine + kSameCosine ||
+                             (cosine >= best_cosine - kSameCosine && distance < best_distance);
+      if (!is_nearer && !is_best_covered) return;
       const Vec3 tangent = direction - cosine * face;
       const float tilt = tangent.norm();
       if (tilt < kMinTilt) return;
@@ -106,13 +122,45 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
         const Vec3 beyond = foot + probe * outward;
         if (signed_distance(part, beyond).distance < kClear) continue;
         const Plane plane{solid.axes * face, solid.centre + solid.axes * beyond};
-        if (is_continued(solids, i, part, plane))
-          found = plane, best_cosine = cosine, best_distance = distance;
+        const auto is_own = [&](std::size_t k, const ConvexPart& other) {
+          return k == i && are_same(part, other);
+        };
+        if (!is_continued(solids, is_own, plane)) break;
+        const bool covered = is_covered(solids, is_own, plane);
+        if (covered == is_best_covered ? is_nearer : is_best_covered || !found)
+          found = plane, best_cosine = cosine, best_distance = distance, is_best_covered = covered;
         break;
       }
     });
   });
   return found;
+}
+
+// True if a point of the body, from its origin, is on a round side but beside the line on which that lies on a
+// face with this normal, and the plane of the face is continued there: the side comes no nearer at the point
+// as it rolls. `at_point`: the plane at the point.
+bool bears_beside(std::span<const Solid> solids, const Shape& body, const Mat3& axes, const Vec3& origin,
+                  const Vec3& on_body, const Plane& at_point) {
+  constexpr float kMaxAlong = 0.7F;  // an end
+  constexpr float kAside = 1e-3F;    // u
+  if (!body.is_axisymmetric()) return false;
+  const Vec3 axis = axes.col(2);
+  const Vec3& normal = at_point.normal;
+  const float normal_along = normal.dot(axis), along = on_body.dot(axis);
+  if (std::abs(normal_along) > kMaxAlong) return false;
+  Vec3 lowest;
+  if (body.kind == scene::ShapeKind::kCapsule) {
+    const float end = std::max(0.0F, body.high - body.radius);
+    lowest = std::clamp(along, -end, end) * axis - body.radius * normal;
+  } else {
+    const Vec3 down = (normal_along * axis - normal).normalized();
+    lowest = along * axis + (on_body - along * axis).norm() * down;
+  }
+  const Vec3 aside = lowest - on_body;
+  if ((aside - aside.dot(normal) * normal).squaredNorm() < kAside * kAside) return false;
+  const Vec3 above = origin + lowest;
+  const Plane plane{normal, above - normal.dot(above - at_point.point) * normal};
+  return is_continued(solids, [](std::size_t, const ConvexPart&) { return false; }, plane);
 }
 
 }  // namespace
@@ -129,18 +177,19 @@ bool may_continue(const Shape& shape, const Vec3& local) {
   return found;
 }
 
-void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere_radius,
+void mark_internal_edges(std::span<const Solid> solids, bool are_b, const Shape& body, const Mat3& axes,
                          std::span<const SeamContact> contacts) {
   // Normals and heights are those of the solids' side.
   const float side = are_b ? 1.0F : -1.0F;
-  const bool is_sphere = sphere_radius > 0.0F;
+  const bool is_sphere = body.is_sphere();
+  const float sphere_radius = is_sphere ? body.bounding_radius : 0.0F;
   thread_local std::vector<std::optional<Plane>> planes;
   planes.clear();
   bool any = false;
   // The point of a sphere's contact is on body a. That of other shapes is anywhere between the surfaces.
   const float share = !is_sphere ? 0.5F : are_b ? 1.0F : 0.0F;
   const auto point_on_solid = [&](const SeamContact& s, float of_separation) -> Vec3 {
-    return s.origin + s.contact->anchor - side * of_separation * s.contact->separation * s.contact->normal;
+    return s.from + s.contact->anchor - side * of_separation * s.contact->separation * s.contact->normal;
   };
   for (const SeamContact& s : contacts) {
     const Vec3 normal = side * s.contact->normal;
@@ -151,10 +200,17 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
     any |= plane.has_value();
     planes.push_back(plane);
   }
-  if (!any) return;
+  if (!any && !body.is_axisymmetric()) return;
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    if (!planes[i]) continue;
     Contact& c = *contacts[i].contact;
+    const Vec3 bearing = planes[i] ? planes[i]->normal : Vec3(side * c.normal);
+    const Vec3 on_solid = point_on_solid(contacts[i], share);
+    if (bears_beside(solids, body, axes, contacts[i].origin,
+                     on_solid + c.separation * side * c.normal - contacts[i].origin, {bearing, on_solid})) {
+      c.separation = kSpareSeparation;
+      continue;
+    }
+    if (!planes[i]) continue;
     const Vec3& normal = planes[i]->normal;
     const auto has_normal = [&](std::size_t k) {
       const Contact& other = *contacts[k].contact;
@@ -175,7 +231,7 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, float sphere
                          sphere_radius * (old_normal - normal);
     c.normal = side * normal;
     c.separation = normal.dot(on_body - planes[i]->point);
-    c.anchor = on_body - contacts[i].origin;
+    c.anchor = on_body - contacts[i].from;
     if (!is_sphere || !are_b) c.anchor -= (is_sphere ? 1.0F : 0.5F) * c.separation * normal;
   }
 }
@@ -186,11 +242,11 @@ bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>
   const std::size_t count = contacts.size();
   thread_local std::vector<SeamContact> seam;
   for (const Solid* solid : {&b, &a}) {
-    const Shape& other = solid == &b ? a.shape : b.shape;
+    const Solid& other = solid == &b ? a : b;
     if (solid->shape.hulls.size() < 2 || contacts.size() == first) continue;
     seam.clear();
-    for (std::size_t k = first; k < contacts.size(); ++k) seam.push_back({&contacts[k], a.centre});
-    mark_internal_edges({solid, 1}, solid == &b, other.is_sphere() ? other.bounding_radius : 0.0F, seam);
+    for (std::size_t k = first; k < contacts.size(); ++k) seam.push_back({&contacts[k], a.centre, other.centre});
+    mark_internal_edges({solid, 1}, solid == &b, other.shape, other.axes, seam);
     erase_spare(contacts, first);
   }
   return contacts.size() < count;

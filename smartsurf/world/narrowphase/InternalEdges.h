@@ -17,10 +17,11 @@ struct Solid {
   Vec3 centre;
   const Mat3& axes;
 };
-// A contact of a body with one of the solids, and where the body's origin is when the contact is as it says.
+// A contact of a body with one of the solids, the point from which its anchor is measured, and where the
+// body's origin is when the contact is as it says.
 struct SeamContact {
   Contact* contact;
-  Vec3 origin;
+  Vec3 from, origin;
 };
 
 // The separation of a spare contact, in whose place another one bears.
@@ -31,9 +32,9 @@ bool may_continue(const Shape&, const Vec3& point);
 // A single convex part has no internal edges.
 bool may_have_internal_edges(std::span<const Solid>);
 // Gives contacts on internal edges the normal of the plane, or marks them as spare if another
-// contact has that normal. The contacts are all those of a body with the solids. `are_b`: the normals
-// point away from the solids. `sphere_radius`: of the body, u; 0 for other shapes.
-void mark_internal_edges(std::span<const Solid>, bool are_b, float sphere_radius,
+// contact has that normal, or if the body is round and another part bears its lowest line. The contacts are
+// all those of a body with the solids. `axes`: the body's. `are_b`: the normals point away from the solids.
+void mark_internal_edges(std::span<const Solid>, bool are_b, const Shape& body, const Mat3& axes,
                          std::span<const SeamContact>);
 // Does both for the contacts from `first` on, which are all those of two bodies, with anchors from the origin
 // of a. Returns whether any was erased.

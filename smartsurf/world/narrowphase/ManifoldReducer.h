@@ -74,6 +74,7 @@ struct ManifoldCandidate {
   Vec3 point, normal;
   float separation;
   int tag;
+  bool is_apart_twice = false;  // beyond the normal, it is apart in another direction: they may never touch
 };
 
 // A list of candidates of fixed capacity.

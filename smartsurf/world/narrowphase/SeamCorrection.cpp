@@ -246,8 +246,8 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
     solids.push_back({*bodies.shape[t.other], bodies.origin(t.other), bodies.axes[t.other]});
     for (const Contact& c : t.contacts) own.push_back(seen_from(bodies, i, *t.manifold, c));
   }
-  for (Contact& c : own) seam.push_back({&c, bodies.position[i]});
-  mark_internal_edges(solids, true, bodies.is_sphere[i] ? bodies.bounding_radius[i] : 0.0F, seam);
+  for (Contact& c : own) seam.push_back({&c, bodies.position[i], bodies.origin(i)});
+  mark_internal_edges(solids, true, *bodies.shape[i], bodies.axes[i], seam);
   std::size_t next = 0;
   for (const Touched& t : touched)
     for (Contact& c : t.contacts) {
