@@ -26,6 +26,31 @@ TEST(FreeFall, ErrorIsProportionalToStep) {
   EXPECT_NEAR(coarse / fine, 4.0, 0.3);
 }
 
+// What a body moves in a step may be less than the last bit of its position.
+TEST(FreeMotion, SlowBodyFarAwayKeepsItsSpeed) {
+  for (const double dt_s : {1.0 / 60, 1.0 / 240, 1.0 / 960})
+    for (const double away : {200.0, 900.0})
+      for (const double speed : {0.001, 0.01, 0.1}) {
+        SCOPED_TRACE(testing::Message() << dt_s << " s, " << away << " u, " << speed << " u/s");
+        PhysicsFixture fixture;
+        fixture.scene.world.dt_s = dt_s;
+        fixture.scene.world.gravity.setZero();
+        fixture.scene.world.sleep = false;
+        auto eccentric = box({1, 2, 1}, {-away, 5.3, 5});
+        eccentric.centre_of_mass = {0.1, 0.2, 0};
+        std::vector<smartsurf::scene::ObjectId> ids;
+        for (auto o : {sphere(0.5, {away, 5, 5}), box({1, 1, 1}, {away, 8, 5}), eccentric}) {
+          o.velocity = {-speed, 0, 0};
+          ids.push_back(fixture.add(o));
+        }
+        const double seconds = 4.0, at[] = {away, away, -away};
+        fixture.run(seconds);
+        const double ulp = away * 1.2e-7;
+        for (std::size_t i = 0; i < ids.size(); ++i)
+          EXPECT_NEAR(fixture.position(ids[i]).x() - at[i], -speed * seconds, 1e-4 * speed * seconds + ulp);
+      }
+}
+
 class Bounce : public testing::TestWithParam<double> {};
 
 TEST_P(Bounce, ReboundHeightIsRestitutionSquaredTimesDrop) {

@@ -52,6 +52,7 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   const bool has_offset = !spec.centre_of_mass.isZero(0.0);
   has_offsets |= has_offset;
   id.push_back(new_id);
+  position_remainder.push_back(Vec3::Zero());
   position.push_back((has_offset ? spec.position + to_centre : spec.position).cast<float>());
   local_origin.push_back(-spec.centre_of_mass.cast<float>());
   origin_offset.emplace_back(0, 0, 0);
@@ -98,7 +99,7 @@ void BodyStore::count_kind(std::size_t i, int count) {
 
 void BodyStore::erase(std::size_t i) {
   count_kind(i, -1);
-  erase_at(i, id, position, orientation, body_velocity, mass, shape, bounding_radius, is_sphere,
+  erase_at(i, id, position, position_remainder, orientation, body_velocity, mass, shape, bounding_radius, is_sphere,
            is_axisymmetric, rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep,
            sleep_timer_s, rest_motion, is_jointed, local_origin, origin_offset, axes, delta_pose,
            world_inverse_inertia);
@@ -141,7 +142,7 @@ int BodyStore::find(scene::ObjectId wanted) const {
 
 void BodyStore::apply_placement(std::size_t i, const scene::ObjectStateUpdate& p) {
   const Vec3 old_origin = origin(i), old_velocity = origin_velocity(i);
-  if (p.position) position[i] = p.position->cast<float>();
+  if (p.position) position[i] = p.position->cast<float>(), position_remainder[i].setZero();
   if (p.orientation) orientation[i] = p.orientation->cast<float>().normalized();
   if (p.velocity && !is_static(i)) store(body_velocity[i].velocity, p.velocity->cast<float>());
   if (p.angular_velocity && !is_static(i))
@@ -186,6 +187,7 @@ void BodyStore::prefetch(std::size_t i) const {
   common::prefetch(&delta_pose[i]);
   common::prefetch(&surface_material[i]);
   common::prefetch(&position[i]);
+  common::prefetch(&position_remainder[i]);
   common::prefetch(&orientation[i]);
   common::prefetch(&wrench[i]);
   common::prefetch(&sleep_timer_s[i]);
@@ -203,14 +205,20 @@ void BodyStore::prefetch_rotation(std::size_t i) const {
   common::prefetch(&world_inverse_inertia[i]);
 }
 
+void BodyStore::translate(std::size_t i) {
+  const Vec3 before = position[i], by = position_remainder[i] + Vec3(delta_pose[i].translation);
+  position[i] += by;
+  position_remainder[i] = by - (position[i] - before);
+}
+
 void BodyStore::integrate_pose(std::size_t i) {
-  position[i] += Vec3(delta_pose[i].translation);
+  translate(i);
   const Vec3 rotation(delta_pose[i].rotation);
   if (!rotation.isZero(0.0F)) orientation[i] = (rotation_from_vector(rotation) * orientation[i]).normalized();
 }
 
 void BodyStore::integrate_poses(std::span<const Rotating> bodies) {
-  for (const Rotating& r : bodies) position[r.body] += Vec3(delta_pose[r.body].translation);
+  for (const Rotating& r : bodies) translate(r.body);
   integrate_rotations(bodies);
 }
 

@@ -54,6 +54,9 @@ struct BodyLink {
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass, u
+  // What rounding has kept from the position, u: far from the origin, the motion of a slow body in a step is
+  // less than its last bit.
+  std::vector<Vec3> position_remainder;
   std::vector<Quat> orientation;
   std::vector<BodyVelocity> body_velocity;
   std::vector<float> mass;  // 0 for a static body
@@ -115,7 +118,7 @@ struct BodyStore {
 
   // All arrays but the shapes.
   void archive(common::StateArchive& a) {
-    a(id, position, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric,
+    a(id, position, position_remainder, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric,
       rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s,
       rest_motion, is_jointed, links, excluded_pairs_, axes, delta_pose, world_inverse_inertia, local_origin,
       has_offsets, origin_offset, non_spheres, restituting);
@@ -158,6 +161,8 @@ struct BodyStore {
   using BodyPair = std::array<std::int32_t, 2>;  // ascending
   bool is_excluded(std::size_t i, std::size_t j) const;
   void index_links();
+  // Adds the translation of delta_pose to the position (compensated summation, Kahan 1965).
+  void translate(std::size_t i);
   // Adds to the numbers of bodies of the body's kinds.
   void count_kind(std::size_t i, int count);
   void load_rotation(RotationBatch&, std::size_t lane, const Rotating&, const BodyVelocity&,

@@ -15,7 +15,8 @@ JointSolver::Pose JointSolver::pose_of(const BodyStore& bodies, std::int32_t bod
   if (body < 0) return {Vec3d::Zero(), Quatd::Identity()};
   const Quatd orientation = bodies.is_sphere[body] ? bodies.orientation[body].cast<double>()
                                                    : Quatd(bodies.rotation_state[body].orientation);
-  return {bodies.position[body].cast<double>(), orientation.normalized()};
+  return {bodies.position[body].cast<double>() + bodies.position_remainder[body].cast<double>(),
+          orientation.normalized()};
 }
 
 scene::JointId JointSolver::add(const scene::JointSpec& spec, BodyStore& bodies) {
