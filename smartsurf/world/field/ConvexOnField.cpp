@@ -375,8 +375,7 @@ class PartOnField {
       add(p, ManifoldCandidate{point_at(deepest), normal, distance.distance, 0}, out);
   }
 
-  // Uses the SAT axis of least penetration and the deepest point of the part, clamped
-  // to the column.
+  // Uses the SAT axis of least penetration and the deepest point of the part, clamped to the column.
   void resolve_penetration(const Plateau& p, const Escape& axis, Candidates& out) const {
     const Column& q = p.column;
     Vec3 position = proxy_.sharp_support(-axis.normal) - axis.separation * axis.normal;
@@ -405,6 +404,8 @@ class PartOnField {
                                  !is_near(p.column, deepest) &&
                                  n.dot(proxy_.sharp_support(-n)) - p.column.max_projection(n) >
                                      std::max(axis.separation, kTolerance);
+      // The level neighbour is closer, and bears.
+      if (candidate.is_apart_twice && p.column.leans_over_bridge(n.x(), n.y(), kLeanTolerance)) return;
       if (!candidate.is_apart_twice) candidate.point = deepest;
     }
     add(p, candidate, out);
