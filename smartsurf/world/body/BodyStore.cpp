@@ -99,10 +99,10 @@ void BodyStore::count_kind(std::size_t i, int count) {
 
 void BodyStore::erase(std::size_t i) {
   count_kind(i, -1);
-  erase_at(i, id, position, position_remainder, orientation, body_velocity, mass, shape, bounding_radius, is_sphere,
-           is_axisymmetric, rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep,
-           sleep_timer_s, rest_motion, is_jointed, local_origin, origin_offset, axes, delta_pose,
-           world_inverse_inertia);
+  erase_at(i, id, position, position_remainder, orientation, body_velocity, mass, shape, bounding_radius,
+           is_sphere, is_axisymmetric, rolls_unevenly, width, surface_material, inertia, rotation_state,
+           wrench, asleep, sleep_timer_s, rest_motion, is_jointed, local_origin, origin_offset, axes,
+           delta_pose, world_inverse_inertia);
 }
 
 void BodyStore::set_links(std::vector<BodyLink> new_links) {

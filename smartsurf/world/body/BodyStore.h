@@ -118,10 +118,10 @@ struct BodyStore {
 
   // All arrays but the shapes.
   void archive(common::StateArchive& a) {
-    a(id, position, position_remainder, orientation, body_velocity, mass, bounding_radius, is_sphere, is_axisymmetric,
-      rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep, sleep_timer_s,
-      rest_motion, is_jointed, links, excluded_pairs_, axes, delta_pose, world_inverse_inertia, local_origin,
-      has_offsets, origin_offset, non_spheres, restituting);
+    a(id, position, position_remainder, orientation, body_velocity, mass, bounding_radius, is_sphere,
+      is_axisymmetric, rolls_unevenly, width, surface_material, inertia, rotation_state, wrench, asleep,
+      sleep_timer_s, rest_motion, is_jointed, links, excluded_pairs_, axes, delta_pose, world_inverse_inertia,
+      local_origin, has_offsets, origin_offset, non_spheres, restituting);
     if (!a.saves()) index_links();
   }
 

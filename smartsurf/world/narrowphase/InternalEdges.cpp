@@ -79,7 +79,8 @@ bool is_continued(std::span<const Solid> solids, IsOwn is_own, const Plane& plan
   return found;
 }
 
-// True if another part lies on the plane at its point, as the next tile of a floor does on the side of a tile.
+// True if another part lies on the plane at its point, as the next tile of a floor does on the side of a
+// tile.
 template <class IsOwn>
 bool is_covered(std::span<const Solid> solids, IsOwn is_own, const Plane& plane) {
   const Vec3 above = plane.point + kProbes[0] * plane.normal;
@@ -136,9 +137,9 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
   return found;
 }
 
-// True if a point of the body, from its origin, is on a round side but beside the line on which that lies on a
-// face with this normal, and the plane of the face is continued there: the side comes no nearer at the point
-// as it rolls. `at_point`: the plane at the point.
+// True if a point of the body, from its origin, is on a round side but beside the line on which that lies on
+// a face with this normal, and the plane of the face is continued there: the side comes no nearer at the
+// point as it rolls. `at_point`: the plane at the point.
 bool bears_beside(std::span<const Solid> solids, const Shape& body, const Mat3& axes, const Vec3& origin,
                   const Vec3& on_body, const Plane& at_point) {
   constexpr float kMaxAlong = 0.7F;  // an end
@@ -160,7 +161,8 @@ bool bears_beside(std::span<const Solid> solids, const Shape& body, const Mat3& 
   if ((aside - aside.dot(normal) * normal).squaredNorm() < kAside * kAside) return false;
   const Vec3 above = origin + lowest;
   const Plane plane{normal, above - normal.dot(above - at_point.point) * normal};
-  return is_continued(solids, [](std::size_t, const ConvexPart&) { return false; }, plane);
+  return is_continued(
+      solids, [](std::size_t, const ConvexPart&) { return false; }, plane);
 }
 
 }  // namespace
@@ -245,7 +247,8 @@ bool correct_internal_edges(const Solid& a, const Solid& b, std::vector<Contact>
     const Solid& other = solid == &b ? a : b;
     if (solid->shape.hulls.size() < 2 || contacts.size() == first) continue;
     seam.clear();
-    for (std::size_t k = first; k < contacts.size(); ++k) seam.push_back({&contacts[k], a.centre, other.centre});
+    for (std::size_t k = first; k < contacts.size(); ++k)
+      seam.push_back({&contacts[k], a.centre, other.centre});
     mark_internal_edges({solid, 1}, solid == &b, other.shape, other.axes, seam);
     erase_spare(contacts, first);
   }
