@@ -175,6 +175,7 @@ void Board::on_description() {
   description_ = d;
   accepted_ = false;
   newly_described = true;
+  waiting_count_ = 0;  // its frames are not as now described
 }
 
 void Board::accept() {

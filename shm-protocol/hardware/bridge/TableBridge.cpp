@@ -141,7 +141,19 @@ void TableBridge::mount_described_boards(bool pass_over) {
     } catch (const std::invalid_argument& e) {
       if (!surface_) throw;
       board.refuse(std::string(e.what()) + "; it is not used");
+      make_safe(map_.boards()[i]);
     }
+  }
+}
+
+// What the sensors of a board said is of no board that is there.
+void TableBridge::make_safe(const MountedBoard& board) {
+  const std::size_t cells = valid_.size();
+  for (const BoardChannel& c : board.channels) {
+    const TableChannel& channel = map_.channels()[c.table_channel];
+    if (!channel.sensor) continue;
+    for (std::uint32_t k = 0; k < channel.components; ++k)
+      for (const std::uint32_t cell : board.cells) planes_[c.table_channel][k * cells + cell] = channel.safe;
   }
 }
 
@@ -386,8 +398,7 @@ void TableBridge::publish_limits(std::size_t board) {
   for (const std::size_t c : shown_limits_) {
     ssw_limits limits{};
     for (const BoardChannel& own : map_.boards()[board].channels)
-      if (own.table_channel == c && boards_[board]->described())
-        limits = boards_[board]->description().channels[own.device_channel].limits;
+      if (own.table_channel == c) limits = map_.boards()[board].device->channels[own.device_channel].limits;
     for (const float value :
          {limits.slew, limits.acceleration, limits.soft_start, static_cast<float>(limits.most_moving)})
       board_surface_->sensor<float>(channel++)[board] = value;
