@@ -24,12 +24,17 @@ constexpr milliseconds kHandshakeInterval{200};  // between handshake attempts w
 constexpr milliseconds kIdlePoll{20};            // polling interval of the stop flag
 constexpr milliseconds kAnswerPoll{1};           // wait for the controller before the line is polled again
 
-std::string seconds(milliseconds t) {
-  const std::string text = std::to_string(static_cast<double>(t.count()) * 1e-3);
+std::string seconds(std::chrono::microseconds t) {
+  const std::string text = std::to_string(static_cast<double>(t.count()) * 1e-6);
   return text.substr(0, text.find('.') + 2) + " s";
 }
 
 }  // namespace
+
+std::chrono::microseconds silence_of(const BridgeOptions& options, std::uint32_t period_us) {
+  return std::max<std::chrono::microseconds>(options.silence_timeout,
+                                             std::chrono::microseconds(4 * std::uint64_t{period_us}));
+}
 
 std::string limits_text(const DeviceChannel& c) {
   const ssw_limits& l = c.limits;
@@ -482,12 +487,12 @@ std::string Bridge::status_text() const {
 
 void Bridge::check_silence() {
   const auto now = Clock::now();
-  if (now - last_frame_ <= options_.silence_timeout) return;
+  const auto silence = silence_of(options_, device_->period_us);
+  if (now - last_frame_ <= silence) return;
   if (!silent_) {
     enter_silence();
     ++counters_.silences;
-    log_.add("the device has been silent for " + seconds(options_.silence_timeout) +
-             "; it is sent the safe frame");
+    log_.add("the device has been silent for " + seconds(silence) + "; it is sent the safe frame");
   }
   send_handshake();
 }

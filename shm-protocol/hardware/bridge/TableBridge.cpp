@@ -41,11 +41,6 @@ double cpu_seconds() {
   return s(used.ru_utime) + s(used.ru_stime);
 }
 
-std::chrono::microseconds silence_of(const TableSpec& spec, const BridgeOptions& options) {
-  return std::max<std::chrono::microseconds>(options.silence_timeout,
-                                             std::chrono::microseconds(4 * std::uint64_t{spec.period_us}));
-}
-
 }  // namespace
 
 TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomic<bool>& stop,
@@ -67,7 +62,7 @@ TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomi
   name_ = reserve_surface(named ? options_.surface : spec_.name, where);
   boards_name_ = reserve_surface(name_->name() + ".boards", where);
   for (const TableBoard& board : spec_.boards) {
-    boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(spec_, options_)));
+    boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(options_, spec_.period_us)));
     boards_.back()->is_driven = !driver_ || !driver_->begins_at_rest();
   }
   lines_.reserve(boards_.size() + 1);

@@ -171,6 +171,19 @@ TEST(Bridge, SilentDeviceGetsSafeValuesAndRecovers) {
   EXPECT_GE(bridge.figure("silences"), 1u);
 }
 
+// Its period is longer than the least time of a silence.
+TEST(Bridge, SlowDeviceFollowsCommands) {
+  const std::string name = surface_name("bridge-slow");
+  Device device({"--pty", line_path("slow"), "--size", kSize, "--period-ms", "700"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  Checker checker(name);
+  for (int frame = 0; frame < 6; ++frame) checker.tick();
+  EXPECT_GE(checker.echoed, 2u);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+  EXPECT_EQ(bridge.figure("silences"), 0u) << bridge.output();
+}
+
 // The device hears that it may start, but its description is lost in the silence.
 TEST(Bridge, TicksOfADeviceThatRestartsUnheardGoOn) {
   const std::string name = surface_name("bridge-restart");
