@@ -148,7 +148,7 @@ void Board::on_event(DeviceLink::Event event, std::int64_t epoch) {
     case DeviceLink::Event::kRejected:
       return refuse(link_.message());
     case DeviceLink::Event::kFault:
-      events.push_back("board '" + title_ + "' reports: " + link_.message());
+      reports.push_back("board '" + title_ + "' reports: " + link_.message());
       return;
     case DeviceLink::Event::kClock:
       return sync_.receive(link_.clock(), now(), epoch);

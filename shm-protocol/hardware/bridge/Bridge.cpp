@@ -228,7 +228,7 @@ void Bridge::on_event(DeviceLink::Event event) {
       fault_ = link_.message();
       return;
     case DeviceLink::Event::kFault:
-      return log_.add("the device reports: " + link_.message());
+      return log_.add_report("the device reports: " + link_.message());
     case DeviceLink::Event::kFrame:
       return on_frame();
   }

@@ -235,6 +235,8 @@ void TableBridge::log_events() {
   for (const auto& board : boards_) {
     for (const std::string& line : board->events) log_.add(line);
     board->events.clear();
+    for (const std::string& line : board->reports) log_.add_report(line);
+    board->reports.clear();
   }
 }
 
