@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -27,7 +28,26 @@ namespace {
 
 constexpr std::uint32_t kPeriod_us = 4000;
 
-volatile sig_atomic_t changes = 0;
+volatile sig_atomic_t changes = 0, hangs = 0;
+
+// Writes the packets of a device; while it hangs, its sensor frames keep their tick.
+EmulatedDevice::Write hanging(EmulatedDevice::Write write) {
+  return [write = std::move(write), tick = std::uint32_t{0}](const std::uint8_t* bytes,
+                                                             std::size_t count) mutable {
+    ssw_receiver receiver;
+    ssw_receiver_init(&receiver);
+    ssw_packet packet;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!ssw_receive(&receiver, bytes[i], &packet)) continue;
+      if (packet.type != SSW_SENSOR_DATA && packet.type != SSW_SENSOR_END) continue;
+      if (hangs == 0) tick = packet.tick;
+      packet.tick = tick;
+      std::array<std::uint8_t, SSW_MAX_ENCODED + 2> changed;
+      return write(changed.data(), ssw_write(&packet, changed.data()));
+    }
+    return write(bytes, count);
+  };
+}
 
 // Two boards of 4×4 cells, side by side, in a process of their own.
 class Boards {
@@ -41,8 +61,9 @@ class Boards {
       EmulatedBoardOptions options;
       options.tcp = 0;
       options.period_us = kPeriod_us;
-      boards.push_back(std::make_unique<EmulatedBoard>(options, [](EmulatedDevice::Write write) {
-        return std::make_unique<ToyDevice>(std::uint16_t{4}, std::uint16_t{4}, kPeriod_us, std::move(write));
+      boards.push_back(std::make_unique<EmulatedBoard>(options, [i](EmulatedDevice::Write write) {
+        return std::make_unique<ToyDevice>(std::uint16_t{4}, std::uint16_t{4}, kPeriod_us,
+                                           i == 0 ? hanging(std::move(write)) : std::move(write));
       }));
       EmulatedBoard* const at = boards.back().get();
       at->device().become({"b" + std::to_string(i), {}, [at] { return at->micros(); }, {}, {}});
@@ -56,6 +77,7 @@ class Boards {
     if (pid_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     ::signal(SIGUSR1, [](int) { changes = 1; });
+    ::signal(SIGUSR2, [](int) { hangs = 1 - hangs; });
     bool is_other = false;
     for (;;) {
       if (std::exchange(changes, 0)) {
@@ -80,6 +102,8 @@ class Boards {
 
   // Cuts the line of the first board, which comes back as another one, and the next time as itself.
   void exchange_first() const { ::kill(pid_, SIGUSR1); }
+  // The first board hangs, and the next time goes on.
+  void hang_first() const { ::kill(pid_, SIGUSR2); }
 
   TableSpec spec;
 
@@ -195,6 +219,30 @@ TEST(TableBridge, CellsOfAnotherBoardAreNotValidUntilTheFirstOneIsBack) {
   });
   EXPECT_EQ(phase, kBack) << testing::PrintToString(said);
   EXPECT_EQ(std::ranges::count_if(said, [](const auto& l) { return l.find("not used") != l.npos; }), 1);
+}
+
+TEST(TableBridge, RepeatedFramesAreNotValid) {
+  const Boards boards;
+  Waves waves;
+  waves.most = 10'000;
+  enum { kBefore, kHangs, kGoesOn, kBack } phase = kBefore;
+  std::uint32_t most = 0;
+  waves.look = [&](int ticks, const TableTick& tick) {
+    most = std::max(most, tick.board_age[0]);
+    if (phase == kBefore && ticks > 50) {
+      boards.hang_first();
+      phase = kHangs;
+    } else if (phase == kHangs && (most > 200 || ticks > 2000)) {
+      boards.hang_first();
+      phase = kGoesOn;
+    } else if (phase == kGoesOn && tick.board_age[0] == 0) {
+      phase = kBack;
+      waves.is_over = true;
+    }
+  };
+  run(boards, waves, [](const std::string&) {});
+  EXPECT_GT(most, 200U);
+  EXPECT_EQ(phase, kBack);
 }
 
 }  // namespace
