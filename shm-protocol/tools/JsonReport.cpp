@@ -47,7 +47,8 @@ Json segment_json(const SegmentInfo& s) {
           {"bytes", s.bytes},
           {"version", std::to_string(s.version_major) + "." + std::to_string(s.version_minor)},
           {"surface_pid", s.surface_pid},
-          {"controller_pid", s.controller_pid}};
+          {"controller_pid", s.controller_pid},
+          {"user", s.user}};
 }
 
 }  // namespace

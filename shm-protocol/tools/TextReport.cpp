@@ -1,3 +1,5 @@
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdarg>
@@ -175,9 +177,10 @@ std::string text_list(const std::vector<SegmentInfo>& segments) {
     const auto pid = [](std::uint32_t p) { return p ? std::to_string(p) : std::string("-"); };
     const std::string version =
         s.version_major ? line("%u.%u", s.version_major, s.version_minor) : std::string("-");
-    out += line("%-31s %-10s%9s %9s %9s  %s\n", common::printable(s.name).c_str(), is,
-                pid(s.surface_pid).c_str(), pid(s.controller_pid).c_str(), size_text(s.bytes).c_str(),
-                version.c_str());
+    out +=
+        line("%-31s %-10s%9s %9s %9s  %s", common::printable(s.name).c_str(), is, pid(s.surface_pid).c_str(),
+             pid(s.controller_pid).c_str(), size_text(s.bytes).c_str(), version.c_str());
+    out += s.user == ::geteuid() ? "\n" : line("  of another user (%u)\n", s.user);
   }
   return out;
 }

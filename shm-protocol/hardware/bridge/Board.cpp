@@ -148,7 +148,7 @@ void Board::on_event(DeviceLink::Event event, std::int64_t epoch) {
     case DeviceLink::Event::kRejected:
       return refuse(link_.message());
     case DeviceLink::Event::kFault:
-      events.push_back("board '" + title_ + "' reports: " + link_.message());
+      reports.push_back("board '" + title_ + "' reports: " + link_.message());
       return;
     case DeviceLink::Event::kClock:
       return sync_.receive(link_.clock(), now(), epoch);
@@ -175,6 +175,7 @@ void Board::on_description() {
   description_ = d;
   accepted_ = false;
   newly_described = true;
+  waiting_count_ = 0;  // its frames are not as now described
 }
 
 void Board::accept() {
@@ -192,14 +193,14 @@ void Board::refuse(std::string why) {
 void Board::on_frame() {
   if (!accepted_) return;
   const SensorFrame& frame = link_.frame();
+  if (frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
   last_frame_ = now();
   if (silent_) is_back = true;
   silent_ = false;
   const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
-  if (step == 0 || step > kMostLostTicks)
-    enter_silence(), silent_ = false;  // ticks restarted before the description came
+  if (step > kMostLostTicks) enter_silence(), silent_ = false;  // ticks restarted before the description came
   if (step > 1 && step < 1u << 20) counters_.lost += step - 1;
-  if (seen_frame_ && step != 0) counters_.missed += std::min(frame.missed - device_missed_, step);
+  if (seen_frame_) counters_.missed += std::min(frame.missed - device_missed_, step);
   device_missed_ = frame.missed;
   device_tick_ = frame.tick;
   seen_frame_ = true;

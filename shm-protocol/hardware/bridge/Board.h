@@ -100,7 +100,8 @@ class Board {
   std::int64_t stop_sent_tick = -1;  // of the table, when the last SSW_STOP_NOW or SSW_ARM was sent
   bool is_driven = true;             // false: handshakes do not send safe values
   bool is_back = false;              // set with the first frame after a silence or a cut; the table clears it
-  std::vector<std::string> events;   // lines for the log; the table takes them
+  // Lines for the log, and what the board reports; the table takes them.
+  std::vector<std::string> events, reports;
 
  private:
   void open_line(std::int64_t reopen_us);

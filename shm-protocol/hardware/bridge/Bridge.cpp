@@ -24,12 +24,17 @@ constexpr milliseconds kHandshakeInterval{200};  // between handshake attempts w
 constexpr milliseconds kIdlePoll{20};            // polling interval of the stop flag
 constexpr milliseconds kAnswerPoll{1};           // wait for the controller before the line is polled again
 
-std::string seconds(milliseconds t) {
-  const std::string text = std::to_string(static_cast<double>(t.count()) * 1e-3);
+std::string seconds(std::chrono::microseconds t) {
+  const std::string text = std::to_string(static_cast<double>(t.count()) * 1e-6);
   return text.substr(0, text.find('.') + 2) + " s";
 }
 
 }  // namespace
+
+std::chrono::microseconds silence_of(const BridgeOptions& options, std::uint32_t period_us) {
+  return std::max<std::chrono::microseconds>(options.silence_timeout,
+                                             std::chrono::microseconds(4 * std::uint64_t{period_us}));
+}
 
 std::string limits_text(const DeviceChannel& c) {
   const ssw_limits& l = c.limits;
@@ -223,7 +228,7 @@ void Bridge::on_event(DeviceLink::Event event) {
       fault_ = link_.message();
       return;
     case DeviceLink::Event::kFault:
-      return log_.add("the device reports: " + link_.message());
+      return log_.add_report("the device reports: " + link_.message());
     case DeviceLink::Event::kFrame:
       return on_frame();
   }
@@ -301,8 +306,9 @@ void Bridge::count_missed_deadlines(const SensorFrame& frame) {
 void Bridge::on_frame() {
   if (!surface_) return;
   const SensorFrame& frame = link_.frame();
+  if (frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
   last_frame_ = Clock::now();
-  if (seen_frame_ && (frame.tick == device_tick_ || frame.tick - device_tick_ > kMostLostTicks)) {
+  if (seen_frame_ && frame.tick - device_tick_ > kMostLostTicks) {
     enter_silence();  // ticks restarted before the description came
     seen_frame_ = false;
   }
@@ -482,12 +488,12 @@ std::string Bridge::status_text() const {
 
 void Bridge::check_silence() {
   const auto now = Clock::now();
-  if (now - last_frame_ <= options_.silence_timeout) return;
+  const auto silence = silence_of(options_, device_->period_us);
+  if (now - last_frame_ <= silence) return;
   if (!silent_) {
     enter_silence();
     ++counters_.silences;
-    log_.add("the device has been silent for " + seconds(options_.silence_timeout) +
-             "; it is sent the safe frame");
+    log_.add("the device has been silent for " + seconds(silence) + "; it is sent the safe frame");
   }
   send_handshake();
 }

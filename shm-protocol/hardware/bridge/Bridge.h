@@ -46,6 +46,9 @@ struct BridgeOptions {
   bool hold_last_frame = false;  // without a controller: keep the last frame (true) or send the safe values
 };
 
+// How long a device of that period sends no frame until it is silent: at least four periods.
+std::chrono::microseconds silence_of(const BridgeOptions&, std::uint32_t period_us);
+
 struct BridgeCounters {
   std::uint64_t frames = 0;   // sensor frames published
   std::uint64_t answers = 0;  // actuator frames of a controller sent to the device

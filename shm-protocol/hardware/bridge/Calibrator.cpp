@@ -134,10 +134,10 @@ void Calibrator::begin(const TableTick& tick) {
   for (std::size_t i = 0; i < records_.size(); ++i) {
     BoardRecord& r = records_[i];
     const BoardChannel *drive = channel_of(mounted_[i], actuator_), *sense = channel_of(mounted_[i], sensor_);
-    r.has_channels = drive && sense && tick.boards[i]->described();
+    r.has_channels = drive && sense;
     if (!r.has_channels) continue;
-    const DeviceChannel& u = tick.boards[i]->description().channels[drive->device_channel];
-    const DeviceChannel& y = tick.boards[i]->description().channels[sense->device_channel];
+    const DeviceChannel& u = mounted_[i].device->channels[drive->device_channel];
+    const DeviceChannel& y = mounted_[i].device->channels[sense->device_channel];
     r.drive = u;
     r.resolution = y.dtype == SSW_F32 ? 0 : static_cast<double>(y.scale);
     const std::size_t ticks = kMostLength * (plan_.size() + kTail);

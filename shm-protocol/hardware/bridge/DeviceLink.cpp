@@ -26,8 +26,9 @@ std::string validate_channel(const ssw_channel& c) {
   if (!std::isfinite(c.minimum) || !std::isfinite(c.maximum) || !(c.minimum < c.maximum))
     return "the range " + number(c.minimum) + " … " + number(c.maximum) + " is not one";
   if (!(c.safe >= c.minimum && c.safe <= c.maximum)) return "the safe value lies outside the range";
-  if (!std::isfinite(c.scale) || !std::isfinite(c.offset) || !(c.scale > 0))
-    return "the scale must be above 0";
+  if (!std::isfinite(c.scale) || !(c.scale > 0))
+    return "the scale " + number(c.scale) + " must be finite and above 0";
+  if (!std::isfinite(c.offset)) return "the offset " + number(c.offset) + " must be finite";
   if (c.dtype == SSW_F32 && (c.scale != 1 || c.offset != 0)) return "an f32 channel has scale 1 and offset 0";
   return {};
 }

@@ -16,8 +16,7 @@
 
 namespace hardware {
 
-// A frame that is not ahead of the last one, or ahead by more, comes from a device whose ticks have
-// restarted.
+// A frame that is ahead of the last one by more comes from a device whose ticks have restarted.
 constexpr std::uint32_t kMostLostTicks = 1u << 30;
 
 struct DeviceChannel {

@@ -7,6 +7,7 @@ namespace hardware {
 namespace {
 
 constexpr std::chrono::seconds kInterval{1};
+constexpr std::uint64_t kMostReports = 8;  // in an interval
 
 }  // namespace
 
@@ -15,9 +16,11 @@ EventLog::EventLog(Print print) : print_(std::move(print)) {}
 EventLog::~EventLog() {
   for (Line& line : recent_)
     if (line.repetitions != 0) print(line);
+  print_left_out();
 }
 
 void EventLog::add(const std::string& text, Clock::time_point now) {
+  if (now - reports_since_ >= kInterval) print_left_out();
   auto* const known = std::ranges::find(recent_, text, &Line::text);
   if (known == recent_.end()) {
     Line& line = recent_[oldest_];
@@ -31,6 +34,23 @@ void EventLog::add(const std::string& text, Clock::time_point now) {
   if (now - known->printed < kInterval) return;
   known->printed = now;
   print(*known);
+}
+
+void EventLog::add_report(const std::string& text, Clock::time_point now) {
+  if (std::ranges::find(recent_, text, &Line::text) != recent_.end()) return add(text, now);
+  if (now - reports_since_ >= kInterval) {
+    print_left_out();
+    reports_since_ = now;
+    reports_ = 0;
+  }
+  if (reports_++ < kMostReports)
+    add(text, now);
+  else
+    ++left_out_;
+}
+
+void EventLog::print_left_out() {
+  if (left_out_ != 0) print_("reports left out: " + std::to_string(std::exchange(left_out_, 0)));
 }
 
 // Prints the line, with the number of its repetitions if there is more than one.

@@ -1,4 +1,5 @@
-// The bridge's log of events: a line that keeps recurring is printed at most once a second.
+// The bridge's log of events: a line that keeps recurring is printed at most once a second, and what devices
+// report at a limited rate.
 #pragma once
 
 #include <array>
@@ -23,6 +24,9 @@ class EventLog {
   EventLog& operator=(const EventLog&) = delete;
 
   void add(const std::string& text, Clock::time_point now = Clock::now());
+  // A line in a device's words, which may always be others: eight new ones a second are printed, and how many
+  // more there were.
+  void add_report(const std::string& text, Clock::time_point now = Clock::now());
 
  private:
   struct Line {
@@ -31,10 +35,13 @@ class EventLog {
     std::uint64_t repetitions = 0;  // since then
   };
   void print(Line&);
+  void print_left_out();
 
   Print print_;
   std::array<Line, 8> recent_;  // the newest texts: more than one fault repeats
   std::size_t oldest_ = 0;
+  Clock::time_point reports_since_{};
+  std::uint64_t reports_ = 0, left_out_ = 0;  // since then
 };
 
 }  // namespace hardware

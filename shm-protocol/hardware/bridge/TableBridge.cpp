@@ -41,11 +41,6 @@ double cpu_seconds() {
   return s(used.ru_utime) + s(used.ru_stime);
 }
 
-std::chrono::microseconds silence_of(const TableSpec& spec, const BridgeOptions& options) {
-  return std::max<std::chrono::microseconds>(options.silence_timeout,
-                                             std::chrono::microseconds(4 * std::uint64_t{spec.period_us}));
-}
-
 }  // namespace
 
 TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomic<bool>& stop,
@@ -67,7 +62,7 @@ TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomi
   name_ = reserve_surface(named ? options_.surface : spec_.name, where);
   boards_name_ = reserve_surface(name_->name() + ".boards", where);
   for (const TableBoard& board : spec_.boards) {
-    boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(spec_, options_)));
+    boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(options_, spec_.period_us)));
     boards_.back()->is_driven = !driver_ || !driver_->begins_at_rest();
   }
   lines_.reserve(boards_.size() + 1);
@@ -141,7 +136,19 @@ void TableBridge::mount_described_boards(bool pass_over) {
     } catch (const std::invalid_argument& e) {
       if (!surface_) throw;
       board.refuse(std::string(e.what()) + "; it is not used");
+      make_safe(map_.boards()[i]);
     }
+  }
+}
+
+// What the sensors of a board said is of no board that is there.
+void TableBridge::make_safe(const MountedBoard& board) {
+  const std::size_t cells = valid_.size();
+  for (const BoardChannel& c : board.channels) {
+    const TableChannel& channel = map_.channels()[c.table_channel];
+    if (!channel.sensor) continue;
+    for (std::uint32_t k = 0; k < channel.components; ++k)
+      for (const std::uint32_t cell : board.cells) planes_[c.table_channel][k * cells + cell] = channel.safe;
   }
 }
 
@@ -228,6 +235,8 @@ void TableBridge::log_events() {
   for (const auto& board : boards_) {
     for (const std::string& line : board->events) log_.add(line);
     board->events.clear();
+    for (const std::string& line : board->reports) log_.add_report(line);
+    board->reports.clear();
   }
 }
 
@@ -386,8 +395,7 @@ void TableBridge::publish_limits(std::size_t board) {
   for (const std::size_t c : shown_limits_) {
     ssw_limits limits{};
     for (const BoardChannel& own : map_.boards()[board].channels)
-      if (own.table_channel == c && boards_[board]->described())
-        limits = boards_[board]->description().channels[own.device_channel].limits;
+      if (own.table_channel == c) limits = map_.boards()[board].device->channels[own.device_channel].limits;
     for (const float value :
          {limits.slew, limits.acceleration, limits.soft_start, static_cast<float>(limits.most_moving)})
       board_surface_->sensor<float>(channel++)[board] = value;

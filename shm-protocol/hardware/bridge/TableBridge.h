@@ -70,6 +70,7 @@ class TableBridge {
 
   std::optional<Outcome> await_boards();
   void mount_described_boards(bool pass_over);
+  void make_safe(const MountedBoard&);
   void create_surface();
   void serve();
   void poll_lines(std::int64_t until);

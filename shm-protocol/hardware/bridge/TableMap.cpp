@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <optional>
 #include <stdexcept>
 
@@ -31,6 +32,90 @@ Place mounted(const TableBoard& board, std::uint32_t rows, std::uint32_t columns
 }
 
 const char* direction(bool sensor) { return sensor ? "sensor" : "actuator"; }
+std::string title_of(const DeviceChannel& c) {
+  return std::string(direction(c.sensor)) + " '" + c.name + "'";
+}
+
+std::string shown(const std::string& text) { return "'" + text + "'"; }
+std::string shown(std::uint32_t number) { return std::to_string(number); }
+std::string shown(float number) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", static_cast<double>(number));
+  return text;
+}
+std::string shown(const std::array<float, 3>& at) {
+  return "(" + shown(at[0]) + ", " + shown(at[1]) + ", " + shown(at[2]) + ")";
+}
+std::string type_name(std::uint8_t dtype) {
+  return dtype == SSW_F32 ? "f32" : dtype == SSW_U16 ? "u16" : "u8";
+}
+
+// Says which field differs first, before and after; nothing: none does.
+class Change {
+ public:
+  template <class T>
+  void compare(const std::string& field, const T& before, const T& after) {
+    if (text_.empty() && before != after) set(field, shown(before), shown(after));
+  }
+  void set(const std::string& field, const std::string& before, const std::string& after) {
+    if (text_.empty()) text_ = field + " from " + before + " to " + after;
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+void compare_channels(const DeviceChannel& before, const DeviceChannel& after, Change& change) {
+  const std::string title = title_of(before);
+  change.compare("unit of " + title, before.unit, after.unit);
+  if (before.dtype != after.dtype)
+    change.set("type of " + title, type_name(before.dtype), type_name(after.dtype));
+  change.compare("components of " + title, before.components, after.components);
+  change.compare("minimum of " + title, before.minimum, after.minimum);
+  change.compare("maximum of " + title, before.maximum, after.maximum);
+  change.compare("safe value of " + title, before.safe, after.safe);
+  change.compare("scale of " + title, before.scale, after.scale);
+  change.compare("offset of " + title, before.offset, after.offset);
+  change.compare("flags of " + title, std::uint32_t{before.flags}, std::uint32_t{after.flags});
+}
+
+void compare_cells(const DeviceDescription& before, const DeviceDescription& after, Change& change) {
+  const std::size_t cells = std::size_t{before.rows} * before.columns;
+  if (before.mask != after.mask) {
+    for (std::size_t i = 0; i < cells; ++i)
+      change.compare("mask of cell " + std::to_string(i), before.mask.empty() || before.mask[i] ? 1U : 0U,
+                     after.mask.empty() || after.mask[i] ? 1U : 0U);
+  }
+  if (before.positions.empty() != after.positions.empty())
+    change.set("layout", before.positions.empty() ? "a grid" : "own positions",
+               after.positions.empty() ? "a grid" : "own positions");
+  else if (before.positions != after.positions)
+    for (std::size_t i = 0; i < before.positions.size(); ++i)
+      change.compare("position of cell " + std::to_string(i), before.positions[i], after.positions[i]);
+}
+
+// What makes another board of it; limits and program may change.
+std::string change_between(const DeviceDescription& before, const DeviceDescription& after) {
+  Change change;
+  change.compare("id", before.id, after.id);
+  change.compare("rows", before.rows, after.rows);
+  change.compare("columns", before.columns, after.columns);
+  if (!change.text().empty()) return change.text();  // the rest goes by cells
+  compare_cells(before, after, change);
+  const auto find = [](const DeviceDescription& d, const DeviceChannel& like) {
+    return std::ranges::find_if(
+        d.channels, [&](const DeviceChannel& c) { return c.sensor == like.sensor && c.name == like.name; });
+  };
+  for (const DeviceChannel& c : before.channels)
+    if (const auto now = find(after, c); now != after.channels.end())
+      compare_channels(c, *now, change);
+    else
+      change.set(title_of(c), "present", "absent");
+  for (const DeviceChannel& c : after.channels)
+    if (find(before, c) == before.channels.end()) change.set(title_of(c), "absent", "present");
+  return change.text();
+}
 
 }  // namespace
 
@@ -77,6 +162,12 @@ void TableMap::require_free(std::size_t index, const MountedBoard& board) const 
   }
 }
 
+void TableMap::require_same(std::size_t index, const DeviceDescription& d) const {
+  if (!boards_[index].device) return;
+  if (const std::string change = change_between(*boards_[index].device, d); !change.empty())
+    fail(index, "it has changed since it first came: " + change);
+}
+
 // Before anything is kept for each of its cells.
 void TableMap::enclose(const MountedBoard& board) {
   rows_ = std::max(rows_, board.row + board.rows);
@@ -88,6 +179,7 @@ void TableMap::enclose(const MountedBoard& board) {
 
 void TableMap::mount(std::size_t index, const DeviceDescription& d) {
   const TableBoard& spec = spec_.boards[index];
+  if (frozen_) require_same(index, d);
   if (!spec.id.empty() && d.id != spec.id)
     fail(index, d.version < 2
                     ? "the device speaks version 1 of the byte protocol, which has no id: leave id out"
@@ -119,7 +211,7 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
       fail(index, "its sensor '" + c.name + "' has the name of one of the table's own");
     auto known = std::ranges::find_if(
         channels, [&](const TableChannel& t) { return t.sensor == c.sensor && t.name == c.name; });
-    const std::string title = std::string(direction(c.sensor)) + " '" + c.name + "'";
+    const std::string title = title_of(c);
     const bool plain_u8 = c.is_plain_u8() && std::ranges::find(spec_.calibrated_channels, c.name) ==
                                                  spec_.calibrated_channels.end();
     if (known == channels.end()) {
@@ -146,6 +238,7 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
   const std::size_t cells = std::size_t{d.rows} * d.columns;
   board.exists = d.mask.empty() ? std::vector<std::uint8_t>(cells, 1) : d.mask;
   board.positions = d.positions;
+  board.device = d;
   board.cells.resize(cells);
   boards_[index] = std::move(board);
   if (frozen_) {

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -45,6 +46,7 @@ struct MountedBoard {
   std::vector<std::uint8_t> exists;                          // by the board's cells
   std::vector<std::array<float, 3>> positions;  // by the board's cells, in the table; empty: a grid
   std::vector<BoardChannel> channels;
+  std::optional<DeviceDescription> device;  // as mounted; nothing: it has not come yet
 };
 
 class TableMap {
@@ -53,7 +55,8 @@ class TableMap {
 
   // Places the board `index` as its device describes it. Throws std::invalid_argument with one line: the
   // board is not as the file says, overlaps another, or its channels do not match those of the others. After
-  // freeze(), channels of the table no longer change.
+  // freeze(), channels of the table no longer change, and a board that has come must stay the same: its id,
+  // rows, columns, mask, positions and channels, without their limits.
   void mount(std::size_t index, const DeviceDescription&);
   // Takes the sizes of boards that are not there from the file, and checks that the boards leave no holes.
   // Throws likewise.
@@ -72,6 +75,7 @@ class TableMap {
   MountedBoard place(std::size_t index, std::uint32_t rows, std::uint32_t columns) const;
   std::size_t board_beside(std::uint32_t row, std::uint32_t column) const;
   void require_free(std::size_t index, const MountedBoard&) const;
+  void require_same(std::size_t index, const DeviceDescription&) const;
   void enclose(const MountedBoard&);
 
   const TableSpec& spec_;

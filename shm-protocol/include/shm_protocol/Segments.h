@@ -10,7 +10,7 @@ namespace shm_protocol {
 enum class Ownership {
   kLiving,   // its surface is running
   kOrphan,   // its surface is dead; the segment may be removed
-  kForeign,  // not a segment of this protocol, or not readable by this user; never removed
+  kForeign,  // not a segment of this protocol, or another user's, but for root; never removed
 };
 
 struct SegmentInfo {
@@ -20,6 +20,7 @@ struct SegmentInfo {
   std::uint16_t version_major = 0, version_minor = 0;
   std::uint32_t surface_pid = 0;
   std::uint32_t controller_pid = 0;  // 0: none, or dead
+  std::uint32_t user = 0;            // id of the file's owner
 };
 
 // All files of this protocol in /dev/shm, sorted by name.

@@ -75,5 +75,10 @@ class Arrays(collections.abc.Mapping):
             array.flags.writeable = False
         self._current.clear()
 
+    def close(self):
+        """No array can be written any more, whether fetched before or after."""
+        self.freeze()
+        self._writable = False
+
     def copies(self):
         return {name: self[name].copy() for name in self}

@@ -78,5 +78,6 @@ class Controller(Endpoint):
     def close(self):
         """Releases the claim; the surface sees an orderly departure. Arrays stay readable."""
         if self._p is not None:
+            self.actuators.close()
             _lib.ssp_controller_close(self._p)
             self._p = None

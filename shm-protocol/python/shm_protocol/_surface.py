@@ -102,6 +102,6 @@ class Surface(Endpoint):
     def close(self):
         """Ends the session and removes the segment. Arrays stay readable."""
         if self._p is not None:
-            self.sensors.freeze()
+            self.sensors.close()
             _lib.ssp_surface_close(self._p)
             self._p = None

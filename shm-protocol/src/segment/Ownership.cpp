@@ -26,7 +26,10 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   SegmentInfo info;
   info.name = file.substr(std::strlen(kFilePrefix));
   struct stat status {};
-  if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return info;
+  if (::fstat(descriptor, &status) != 0) return info;
+  info.user = status.st_uid;
+  if (!S_ISREG(status.st_mode)) return info;
+  // Root cleans for all.
   if (const uid_t self = ::geteuid(); self != 0 && status.st_uid != self) return info;
   info.bytes = static_cast<std::uint64_t>(status.st_size);
 

@@ -98,7 +98,10 @@ std::optional<Segment> Segment::open(const std::string& name, Access access) {
   struct stat status {};
   if (::fstat(descriptor, &status) != 0) system_error("cannot open " + path, errno);
   // Its owner could truncate the file under this process, which would be a SIGBUS.
-  if (!S_ISREG(status.st_mode) || status.st_uid != ::geteuid()) throw_foreign(path);
+  if (!S_ISREG(status.st_mode)) throw_foreign(path);
+  if (status.st_uid != ::geteuid())
+    throw Error(ErrorCode::kForeign, path + " belongs to another user (" + std::to_string(status.st_uid) +
+                                         "), who alone may map it; choose another name");
   if (status.st_size <= 0) throw Error(ErrorCode::kCorrupt, path + ": truncated: 0 bytes");
   impl->liveness = LivenessLock(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR, descriptor);
   impl->region = map(impl->opened, mode, path);

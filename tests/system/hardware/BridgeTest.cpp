@@ -10,6 +10,7 @@
 #include <fstream>
 #include <set>
 #include <span>
+#include <thread>
 #include <utility>
 
 #include "shm-protocol/hardware/fake/toy.h"
@@ -171,6 +172,19 @@ TEST(Bridge, SilentDeviceGetsSafeValuesAndRecovers) {
   EXPECT_GE(bridge.figure("silences"), 1u);
 }
 
+// Its period is longer than the least time of a silence.
+TEST(Bridge, SlowDeviceFollowsCommands) {
+  const std::string name = surface_name("bridge-slow");
+  Device device({"--pty", line_path("slow"), "--size", kSize, "--period-ms", "700"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  Checker checker(name);
+  for (int frame = 0; frame < 6; ++frame) checker.tick();
+  EXPECT_GE(checker.echoed, 2u);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+  EXPECT_EQ(bridge.figure("silences"), 0u) << bridge.output();
+}
+
 // The device hears that it may start, but its description is lost in the silence.
 TEST(Bridge, TicksOfADeviceThatRestartsUnheardGoOn) {
   const std::string name = surface_name("bridge-restart");
@@ -274,10 +288,19 @@ class Describer {
   Describer(const Describer&) = delete;
   Describer& operator=(const Describer&) = delete;
 
-  // Until the bridge leaves.
-  void serve() const {
+  // Sends this frame so many times and cuts the line, or, without a frame, waits until the bridge leaves.
+  void serve(std::uint32_t tick = 0, int frames = 0) {
     const int line = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
     EXPECT_EQ(::send(line, bytes_.data(), bytes_.size(), MSG_NOSIGNAL), std::ssize(bytes_));
+    for (int frame = 0; frame < frames; ++frame) {
+      const std::uint8_t data[SSW_DATA_HEADER + 1] = {}, end[SSW_SENSOR_END_BYTES] = {1};
+      bytes_.clear();
+      add(SSW_SENSOR_DATA, data, tick);
+      add(SSW_SENSOR_END, end, tick);
+      EXPECT_EQ(::send(line, bytes_.data(), bytes_.size(), MSG_NOSIGNAL), std::ssize(bytes_));
+      std::this_thread::sleep_for(10ms);
+    }
+    if (frames != 0) return static_cast<void>(::close(line));
     for (char byte; ::read(line, &byte, 1) > 0;) {
     }
     ::close(line);
@@ -286,9 +309,9 @@ class Describer {
   std::string port;
 
  private:
-  void add(std::uint8_t type, std::span<const std::uint8_t> payload) {
+  void add(std::uint8_t type, std::span<const std::uint8_t> payload, std::uint32_t tick = 0) {
     std::uint8_t encoded[SSW_MAX_ENCODED + 2];
-    const ssw_packet packet{type, sequence_++, 0, payload.data(), payload.size()};
+    const ssw_packet packet{type, sequence_++, tick, payload.data(), payload.size()};
     bytes_.append(reinterpret_cast<const char*>(encoded), ssw_write(&packet, encoded));
   }
   int listener_ = -1;
@@ -303,7 +326,7 @@ TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
         {{{"", ""}}, "channel \"\""},
         {{{"a", std::string(16, 'u')}}, "unit \"uuuuuuuuuuuuuuuu\""},
         {{{"a", ""}, {"a", ""}}, "channel 1 'a' of the device: is named twice"}}) {
-    const Describer device(channels);
+    Describer device(channels);
     Program bridge({SURFACE_BRIDGE, device.port, "--shm", surface_name("bridge-unusable")});
     device.serve();
     EXPECT_EQ(bridge.wait(), 1);
@@ -311,6 +334,17 @@ TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
     EXPECT_NE(said.find(message), std::string::npos) << said;
     EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
   }
+}
+
+// Firmware that hangs falls silent, however often it repeats its frame.
+TEST(Bridge, RepeatedFrameIsNoNewFrame) {
+  Describer device(std::vector<std::pair<std::string, std::string>>{{"a", ""}});
+  Program bridge({SURFACE_BRIDGE, device.port, "--shm", surface_name("bridge-hangs"), "--silence", "0.1"});
+  device.serve(5, 60);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+  EXPECT_EQ(bridge.figure("frames"), 1u) << bridge.output();
+  EXPECT_EQ(bridge.figure("silences"), 1u) << bridge.output();
 }
 
 TEST(Bridge, KilledControllerLeavesDeviceSafe) {

@@ -228,6 +228,32 @@ class Memory(unittest.TestCase):
                 self.assertTrue(surface.wait(1))
                 self.assertTrue((surface.actuators["height"] == 1).all())
 
+    def test_arrays_of_a_closed_endpoint_cannot_be_written(self):
+        surface, first = pair("closed")
+        name = surface.description.name
+        surface.publish(0, 0.0)
+        first.wait(1)
+        kept = first.actuators["height"]
+        kept[:] = 1
+        first.close()
+        with surface, Controller(name, timeout=1) as second:
+            second.wait(1)
+            second.actuators["height"] = 2
+            second.actuators["lamp"] = 3
+            for late in (kept, first.actuators["height"], first.actuators["lamp"]):
+                with self.assertRaises(ValueError):
+                    late[:] = 4
+            with self.assertRaises(ValueError):
+                first.actuators["height"] = 4
+            self.assertTrue(second.publish())
+            self.assertTrue(surface.wait(1))
+            self.assertTrue((surface.actuators["height"] == 2).all())
+            self.assertTrue((surface.actuators["lamp"] == 3).all())
+            sensed = surface.sensors["distance"]
+        for late in (sensed, surface.sensors["distance"]):
+            with self.assertRaises(ValueError):
+                late[:] = 5
+
     def test_arrays_outlive_their_endpoints(self):
         surface, controller = pair("lifetime")
         name = surface.description.name

@@ -174,6 +174,15 @@ class Dump(unittest.TestCase):
         finally:
             os.unlink(path)
 
+    @unittest.skipUnless(os.geteuid() == 0, "only root sees the segments of all users")
+    def test_list_and_name_agree_about_another_users_segment(self):
+        with Pair("other-user") as pair:
+            self.assertNotRegex(dump("--list"), rf"{pair.name} .*user")
+            os.chown(f"/dev/shm/smartsurf.{pair.name}", 65534, 65534)
+            self.assertRegex(dump("--list"), rf"{pair.name} +living .* of another user \(65534\)\n")
+            self.assertEqual([s["user"] for s in json.loads(dump("--list", "--json")) if s["name"] == pair.name], [65534])
+            self.assertIn("belongs to another user (65534), who alone may map it", dump(pair.name, status=1))
+
 
 if __name__ == "__main__":
     unittest.main(argv=[sys.argv[0]])

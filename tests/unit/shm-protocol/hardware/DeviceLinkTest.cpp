@@ -310,6 +310,20 @@ TEST(DeviceLink, RejectsInvalidDescriptions) {
   EXPECT_EQ(outcome([](auto&, auto& c) { c.index = 1; }), Event::kAlive);  // waits for the first one
 }
 
+TEST(DeviceLink, RejectionNamesTheField) {
+  const auto message = [](float scale, float offset) {
+    DeviceLink link;
+    EXPECT_EQ(describe(link, {SSW_VERSION, 1, 4, 4, 1000, 1, 0, "x"},
+                       {0, SSW_ACTUATOR, SSW_U8, 1, 0, 4, 0, scale, offset, "height", "u"}),
+              Event::kRejected);
+    return link.message();
+  };
+  const std::string place = "channel 0 'height' of the device: ";
+  EXPECT_EQ(message(0.02F, INFINITY), place + "the offset inf must be finite");
+  EXPECT_EQ(message(INFINITY, 0), place + "the scale inf must be finite and above 0");
+  EXPECT_EQ(message(-1, 0), place + "the scale -1.000000 must be finite and above 0");
+}
+
 TEST(DeviceLink, FaultsAreReported) {
   Pair pair;
   pair.device.report("pin 3 is stuck\x01");

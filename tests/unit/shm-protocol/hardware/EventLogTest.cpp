@@ -35,5 +35,22 @@ TEST(EventLog, ManyDifferentLinesAreAllPrinted) {
   EXPECT_EQ(printed.size(), 100u);
 }
 
+TEST(EventLog, FloodOfReportsIsCounted) {
+  std::vector<std::string> printed;
+  const EventLog::Clock::time_point start = EventLog::Clock::now();
+  {
+    EventLog log([&](const std::string& line) { printed.push_back(line); });
+    for (int i = 0; i < 100; ++i) log.add_report(std::to_string(i), start + milliseconds(i));
+    EXPECT_EQ(printed.size(), 8u);
+    log.add("cut", start + milliseconds(500));
+    EXPECT_EQ(printed.back(), "cut");
+    log.add("back", start + milliseconds(1000));
+    EXPECT_EQ(printed[9], "reports left out: 92");
+    for (int i = 0; i < 9; ++i) log.add_report("b" + std::to_string(i), start + milliseconds(2000 + i));
+    EXPECT_EQ(printed.size(), 19u);
+  }
+  EXPECT_EQ(printed.back(), "reports left out: 1");
+}
+
 }  // namespace
 }  // namespace hardware

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -27,6 +28,27 @@ namespace {
 
 constexpr std::uint32_t kPeriod_us = 4000;
 
+volatile sig_atomic_t changes = 0, hangs = 0;
+
+// Writes the packets of a device; while it hangs, its sensor frames keep their tick.
+EmulatedDevice::Write hanging(EmulatedDevice::Write write) {
+  return [write = std::move(write), tick = std::uint32_t{0}](const std::uint8_t* bytes,
+                                                             std::size_t count) mutable {
+    ssw_receiver receiver;
+    ssw_receiver_init(&receiver);
+    ssw_packet packet;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (!ssw_receive(&receiver, bytes[i], &packet)) continue;
+      if (packet.type != SSW_SENSOR_DATA && packet.type != SSW_SENSOR_END) continue;
+      if (hangs == 0) tick = packet.tick;
+      packet.tick = tick;
+      std::array<std::uint8_t, SSW_MAX_ENCODED + 2> changed;
+      return write(changed.data(), ssw_write(&packet, changed.data()));
+    }
+    return write(bytes, count);
+  };
+}
+
 // Two boards of 4×4 cells, side by side, in a process of their own.
 class Boards {
  public:
@@ -39,8 +61,9 @@ class Boards {
       EmulatedBoardOptions options;
       options.tcp = 0;
       options.period_us = kPeriod_us;
-      boards.push_back(std::make_unique<EmulatedBoard>(options, [](EmulatedDevice::Write write) {
-        return std::make_unique<ToyDevice>(std::uint16_t{4}, std::uint16_t{4}, kPeriod_us, std::move(write));
+      boards.push_back(std::make_unique<EmulatedBoard>(options, [i](EmulatedDevice::Write write) {
+        return std::make_unique<ToyDevice>(std::uint16_t{4}, std::uint16_t{4}, kPeriod_us,
+                                           i == 0 ? hanging(std::move(write)) : std::move(write));
       }));
       EmulatedBoard* const at = boards.back().get();
       at->device().become({"b" + std::to_string(i), {}, [at] { return at->micros(); }, {}, {}});
@@ -53,7 +76,17 @@ class Boards {
     pid_ = ::fork();
     if (pid_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    ::signal(SIGUSR1, [](int) { changes = 1; });
+    ::signal(SIGUSR2, [](int) { hangs = 1 - hangs; });
+    bool is_other = false;
     for (;;) {
+      if (std::exchange(changes, 0)) {
+        EmulatedBoard* const at = boards[0].get();
+        is_other = !is_other;
+        at->set_faults(50, 5, false);
+        at->cut_line();
+        at->device().become({is_other ? "b1" : "b0", {}, [at] { return at->micros(); }, {}, {}});
+      }
       std::vector<pollfd> lines;
       for (const auto& board : boards) lines.push_back({board->line().descriptor(), POLLIN, 0});
       ::poll(lines.data(), lines.size(), 1);
@@ -67,6 +100,11 @@ class Boards {
   Boards(const Boards&) = delete;
   Boards& operator=(const Boards&) = delete;
 
+  // Cuts the line of the first board, which comes back as another one, and the next time as itself.
+  void exchange_first() const { ::kill(pid_, SIGUSR1); }
+  // The first board hangs, and the next time goes on.
+  void hang_first() const { ::kill(pid_, SIGUSR2); }
+
   TableSpec spec;
 
  private:
@@ -79,25 +117,29 @@ class Waves final : public TableDriver {
   bool begins_at_rest() const override { return false; }
   Answer drive(TableTick tick) override {
     if (look) look(ticks, tick);
+    if (is_over) return Answer::kEnd;
     for (std::size_t i = 0; i < tick.map.channels().size(); ++i)
       if (!tick.map.channels()[i].sensor) std::ranges::fill(tick.planes[i], height_at(tick.tick));
     return ++ticks < most ? Answer::kCommands : Answer::kEnd;
   }
   static float height_at(std::int64_t tick) { return static_cast<float>(tick % 100) * 0.02F; }
   int ticks = 0, most = 300;
+  bool is_over = false;
   std::function<void(int, const TableTick&)> look;
 };
 
-void run(TableDriver& driver) {
-  const Boards boards;
+void run(const Boards& boards, TableDriver& driver, const EventLog::Print& log) {
   BridgeOptions options;
   options.mode = shm_protocol::Mode::kPassive;
   options.surface.clear();
   options.silence_timeout = std::chrono::seconds(20);
   const std::atomic<bool> stop{false};
-  TableBridge bridge(
-      boards.spec, options, stop, [](const std::string&) {}, &driver);
+  TableBridge bridge(boards.spec, options, stop, log, &driver);
   EXPECT_EQ(bridge.run(), Outcome::kDone);
+}
+
+void run(TableDriver& driver) {
+  run(Boards(), driver, [](const std::string&) {});
 }
 
 #ifdef COUNTS_ALLOCATIONS
@@ -138,6 +180,69 @@ TEST(TableBridge, KnowsWhatIsInForceOnEachBoard) {
   };
   run(waves);
   EXPECT_GT(compared, 100);
+}
+
+// Even with the id of another board of the table.
+TEST(TableBridge, CellsOfAnotherBoardAreNotValidUntilTheFirstOneIsBack) {
+  Boards boards;
+  for (TableBoard& board : boards.spec.boards) board.id.clear();
+  Waves waves;
+  waves.most = 10'000;
+  enum { kBefore, kExchanged, kRefused, kReturning, kBack } phase = kBefore;
+  std::uint32_t age = 0;
+  int refused_ticks = 0;
+  waves.look = [&](int ticks, const TableTick& tick) {
+    if (phase == kBefore && ticks > 50 && tick.board_age[0] == 0) {
+      boards.exchange_first();
+      phase = kExchanged;
+    } else if (phase == kRefused) {
+      EXPECT_GT(tick.board_age[0], age);
+      age = tick.board_age[0];
+      const auto& channels = tick.map.channels();
+      for (std::size_t i = 0; i < channels.size(); ++i)
+        for (const std::uint32_t cell : tick.map.boards()[0].cells)
+          EXPECT_TRUE(!channels[i].sensor || tick.planes[i][cell] == channels[i].safe) << channels[i].name;
+      if (++refused_ticks < 200) return;
+      boards.exchange_first();
+      phase = kReturning;
+    } else if (phase == kReturning && tick.board_age[0] == 0) {
+      phase = kBack;
+      waves.is_over = true;
+    }
+  };
+  std::vector<std::string> said;
+  run(boards, waves, [&](const std::string& line) {
+    said.push_back(line);
+    if (line.find("it has changed since it first came: id from 'b0' to 'b1'; it is not used") !=
+        std::string::npos)
+      phase = kRefused;
+  });
+  EXPECT_EQ(phase, kBack) << testing::PrintToString(said);
+  EXPECT_EQ(std::ranges::count_if(said, [](const auto& l) { return l.find("not used") != l.npos; }), 1);
+}
+
+TEST(TableBridge, RepeatedFramesAreNotValid) {
+  const Boards boards;
+  Waves waves;
+  waves.most = 10'000;
+  enum { kBefore, kHangs, kGoesOn, kBack } phase = kBefore;
+  std::uint32_t most = 0;
+  waves.look = [&](int ticks, const TableTick& tick) {
+    most = std::max(most, tick.board_age[0]);
+    if (phase == kBefore && ticks > 50) {
+      boards.hang_first();
+      phase = kHangs;
+    } else if (phase == kHangs && (most > 200 || ticks > 2000)) {
+      boards.hang_first();
+      phase = kGoesOn;
+    } else if (phase == kGoesOn && tick.board_age[0] == 0) {
+      phase = kBack;
+      waves.is_over = true;
+    }
+  };
+  run(boards, waves, [](const std::string&) {});
+  EXPECT_GT(most, 200U);
+  EXPECT_EQ(phase, kBack);
 }
 
 }  // namespace

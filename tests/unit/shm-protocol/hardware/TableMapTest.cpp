@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <random>
 #include <set>
 
@@ -180,6 +181,50 @@ TEST(TableMap, BoardsMayDifferInChannelsAndMaskCells) {
   EXPECT_THROW(map.mount(1, board_of(3, 2)), std::invalid_argument);
   cells.channels[0].maximum = 300;
   EXPECT_THROW(map.mount(1, cells), std::invalid_argument);
+}
+
+// A board that comes back in a session is the one that came first, or is refused in one line.
+TEST(TableMap, ChangedBoardIsRefusedUntilItIsAsItWas) {
+  const DeviceDescription first = board_of(2, 3, "b0");
+  const TableSpec spec = table_of({at(0, 0), at(0, 3)});
+  TableMap map(spec);
+  map.mount(0, first);
+  map.mount(1, board_of(2, 3, "b1"));
+  map.freeze();
+  const std::vector<std::uint32_t> covered = map.boards()[0].cells;
+  const auto expect = [&](const std::string& message, const std::function<void(DeviceDescription&)>& change) {
+    DeviceDescription d = first;
+    change(d);
+    try {
+      map.mount(0, d);
+      ADD_FAILURE() << message;
+    } catch (const std::invalid_argument& e) {
+      EXPECT_EQ(e.what(), "t.toml:10: board 'line0-0': it has changed since it first came: " + message);
+    }
+    EXPECT_EQ(map.boards()[0].cells, covered);
+    EXPECT_NO_THROW(map.mount(0, first));
+  };
+  expect("columns from 3 to 2", [](auto& d) { d = board_of(2, 2, "b0"); });
+  expect("rows from 2 to 1", [](auto& d) { d = board_of(1, 3, "b0"); });
+  expect("rows from 2 to 3", [](auto& d) { d = board_of(3, 2, "b0"); });
+  expect("id from 'b0' to 'b1'", [](auto& d) { d.id = "b1"; });
+  expect("id from 'b0' to ''", [](auto& d) { d.id.clear(), d.version = 1; });
+  expect("sensor 'tilt' from present to absent", [](auto& d) { d.channels.erase(d.channels.begin() + 1); });
+  expect("sensor 'load' from absent to present", [](auto& d) {
+    d.channels.push_back(d.channels[0]);
+    d.channels.back().name = "load";
+  });
+  expect("maximum of sensor 'slip' from 9 to 8.5", [](auto& d) { d.channels[0].maximum = 8.5F; });
+  expect("type of sensor 'slip' from f32 to u16", [](auto& d) { d.channels[0].dtype = SSW_U16; });
+  expect("unit of actuator 'force' from '' to 'N'", [](auto& d) { d.channels[2].unit = "N"; });
+  expect("mask of cell 4 from 1 to 0", [](auto& d) { d.mask = {1, 1, 1, 1, 0, 1}; });
+  expect("layout from a grid to own positions", [](auto& d) { d.positions.resize(6); });
+  DeviceDescription restarted = first;
+  restarted.boot = 7;
+  restarted.program_hash = 8;
+  restarted.channels[2].limits.slew = 3;
+  EXPECT_NO_THROW(map.mount(0, restarted));
+  EXPECT_EQ(map.boards()[0].device->channels[2].limits.slew, 3);
 }
 
 }  // namespace
