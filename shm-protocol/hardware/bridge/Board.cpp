@@ -193,7 +193,7 @@ void Board::refuse(std::string why) {
 void Board::on_frame() {
   if (!accepted_) return;
   const SensorFrame& frame = link_.frame();
-  if (frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
+  if (seen_frame_ && frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
   last_frame_ = now();
   if (silent_) is_back = true;
   silent_ = false;

@@ -306,7 +306,7 @@ void Bridge::count_missed_deadlines(const SensorFrame& frame) {
 void Bridge::on_frame() {
   if (!surface_) return;
   const SensorFrame& frame = link_.frame();
-  if (frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
+  if (seen_frame_ && frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
   last_frame_ = Clock::now();
   if (seen_frame_ && frame.tick - device_tick_ > kMostLostTicks) {
     enter_silence();  // ticks restarted before the description came
