@@ -303,8 +303,8 @@ class Simulation {
       result = environment_.step();
     }
     refresh();
-    recording_.add(environment_, result);
-    return py::make_tuple(result.reward, result.terminated, result.truncated, result.success);
+    recording_.add(environment_);
+    return py::make_tuple(result.reward, result.terminated, result.truncated);
   }
   void reset(std::uint64_t seed) {
     const Exclusive use(in_use_);
@@ -324,6 +324,10 @@ class Simulation {
               const EpisodeRecording::Overrides& overrides) {
     const Exclusive use(in_use_);
     recording_.start(path, environment_, command_line, overrides);
+  }
+  void fail() {
+    const Exclusive use(in_use_);
+    environment_.fail();
   }
   void stop_recording() {
     const Exclusive use(in_use_);
@@ -725,6 +729,9 @@ PYBIND11_MODULE(_core, m) {
            })
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
+      .def_property_readonly(
+          "success",
+          [](const Simulation& s) { return s.read([](const Environment& e) { return e.has_succeeded(); }); })
       .def("finish", &Simulation::finish)
       .def("record", &Simulation::record)
       .def("stop_recording", &Simulation::stop_recording)
@@ -734,8 +741,13 @@ PYBIND11_MODULE(_core, m) {
       .def("parameter_names",
            [](const Simulation& s) { return simulation::SceneParameter::names(s.environment().scene()); })
       .def("parameter", &Simulation::parameter)
+      .def_property_readonly("has_running_episode",
+                             [](const Simulation& s) {
+                               return s.read([](const Environment& e) { return e.has_running_episode(); });
+                             })
       .def("set_parameter", &Simulation::set_parameter)
       .def("randomise", &Simulation::randomise)
+      .def("fail", &Simulation::fail)
       .def("parameter_settings", &Simulation::parameter_settings)
       .def("set_parameter_settings", &Simulation::set_parameter_settings)
       .def("place", &Simulation::place)
