@@ -71,7 +71,7 @@ typedef struct smartsurf_result {
   double reward;  /* reward() of the script; 0 without one */
   int terminated; /* 1: success(), stop() or quit() of the script */
   int truncated;  /* 1: episode.seconds are over */
-  int success;    /* 1: success() */
+  int success;    /* 1: success() has said so or, at the end, stop() or the metric `success` */
 } smartsurf_result;
 
 /* Advances by one control period. result may be null. After a failure every call fails until reset or

@@ -54,6 +54,14 @@ py::dict to_dict(const Metrics& metrics) {
   return out;
 }
 
+// As text.
+py::dict option_values(const Environment& environment) {
+  py::dict options;
+  for (const scene::OptionSpec& option : environment.scene().options)
+    options[py::str(option.name)] = option.value;
+  return options;
+}
+
 // Describes the experiment to the Python files: rows, columns, pitch, period, channels, fields of info{}.
 py::dict describe(const Environment& environment) {
   const scene::SceneSpec& scene = environment.scene();
@@ -68,13 +76,11 @@ py::dict describe(const Environment& environment) {
   for (const auto& field : environment.info_fields()) info.append(py::make_tuple(field.name, field.size));
   py::list objects;  // the labels of the declared ones
   for (const scene::ObjectSpec& object : scene.objects) objects.append(object.label);
-  py::dict options;
-  for (const scene::OptionSpec& option : scene.options) options[py::str(option.name)] = option.value;
   using namespace py::literals;
   return py::dict("rows"_a = scene.surface.rows, "columns"_a = scene.surface.columns,
                   "pitch"_a = scene.surface.pitch, "period"_a = scene.world.control_period_s,
                   "steps_per_tick"_a = scene.world.steps_per_tick(), "sensors"_a = sensors,
-                  "actuators"_a = actuators, "info"_a = info, "options"_a = options,
+                  "actuators"_a = actuators, "info"_a = info, "options"_a = option_values(environment),
                   "has_reward"_a = environment.experiment().has_reward(),
                   "episode_seconds"_a = environment.experiment().episode_s(), "objects"_a = objects,
                   "engine"_a = scene.world.engine);
@@ -303,8 +309,8 @@ class Simulation {
       result = environment_.step();
     }
     refresh();
-    recording_.add(environment_, result);
-    return py::make_tuple(result.reward, result.terminated, result.truncated, result.success);
+    recording_.add(environment_);
+    return py::make_tuple(result.reward, result.terminated, result.truncated);
   }
   void reset(std::uint64_t seed) {
     const Exclusive use(in_use_);
@@ -318,6 +324,10 @@ class Simulation {
   void finish() {
     const Exclusive use(in_use_);
     environment_.finish();
+  }
+  void fail() {
+    const Exclusive use(in_use_);
+    environment_.fail();
   }
   // Records from the start of an episode to stop_recording(), or its end by reset() or restore().
   void record(const std::string& path, const std::string& command_line,
@@ -682,6 +692,11 @@ PYBIND11_MODULE(_core, m) {
   m.def("draw_uniform", &draw_uniform);
 
   using Overrides = std::vector<std::pair<std::string, std::string>>;
+  m.def("option_values", [](std::string experiment, Overrides overrides, std::optional<std::string> source) {
+    return option_values(Environment(
+        make_options(std::move(experiment), "", std::move(overrides), std::nullopt, 1, std::move(source)),
+        Environment::Start::kLater));
+  });
   py::class_<Simulation>(m, "Simulation")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
                        std::optional<std::uint64_t> seed, int threads, std::optional<std::string> source) {
@@ -715,6 +730,9 @@ PYBIND11_MODULE(_core, m) {
       .def_property_readonly(
           "seed", [](const Simulation& s) { return s.read([](const Environment& e) { return e.seed(); }); })
       .def_property_readonly(
+          "success",
+          [](const Simulation& s) { return s.read([](const Environment& e) { return e.has_succeeded(); }); })
+      .def_property_readonly(
           "object_count",
           [](const Simulation& s) {
             return s.read([](const Environment& e) { return e.simulation().catalogue().size(); });
@@ -723,8 +741,13 @@ PYBIND11_MODULE(_core, m) {
            [](const Simulation& s, std::uint32_t id) {
              return s.read([id](const Environment& e) { return e.simulation().label(id); });
            })
+      .def_property_readonly("has_running_episode",
+                             [](const Simulation& s) {
+                               return s.read([](const Environment& e) { return e.has_running_episode(); });
+                             })
       .def("step", &Simulation::step)
       .def("reset", &Simulation::reset)
+      .def("fail", &Simulation::fail)
       .def("finish", &Simulation::finish)
       .def("record", &Simulation::record)
       .def("stop_recording", &Simulation::stop_recording)
@@ -763,13 +786,7 @@ PYBIND11_MODULE(_core, m) {
       .def_property_readonly("info_size", [](const Batch& b) { return b.batch().info_size(); })
       .def_property_readonly("object_count", [](const Batch& b) { return b.batch().object_count(); })
       .def_property_readonly("thread_count", [](const Batch& b) { return b.batch().thread_count(); })
-      .def("options",
-           [](const Batch& b, int index) {
-             py::dict options;
-             for (const scene::OptionSpec& option : b.world(index).scene().options)
-               options[py::str(option.name)] = option.value;
-             return options;
-           })
+      .def("options", [](const Batch& b, int index) { return option_values(b.world(index)); })
       .def("end_episodes", &Batch::end_episodes)
       .def("parameter_names",
            [](const Batch& b) { return simulation::SceneParameter::names(b.world(0).scene()); })

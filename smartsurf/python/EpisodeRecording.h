@@ -45,15 +45,12 @@ class EpisodeRecording {
     for (const scene::Extension& extension : environment.scene().surface.extensions())
       meta.extensions.push_back({extension.name, extension.hash});
     recorder_ = record::open_recorder(path, meta, environment.scene());
-    success_s_.reset();
     record_frame(environment);
     if (environment.has_parameters()) recorder_->mark_user_interaction(0);
   }
   // After a step.
-  void add(const Environment& environment, const simulation::StepResult& result) {
-    if (!recorder_) return;
-    if (result.success && !success_s_) success_s_ = environment.simulation().snapshot().time_s;
-    record_frame(environment);
+  void add(const Environment& environment) {
+    if (recorder_) record_frame(environment);
   }
   // The script does not repeat what Python has changed.
   void mark_intervention(const Environment& environment) {
@@ -63,11 +60,9 @@ class EpisodeRecording {
     if (!recorder_) return;
     const std::unique_ptr<record::Recorder> recorder = std::move(recorder_);
     const scene::Snapshot& last = environment.simulation().snapshot();
-    record::RunResult result{
-        .outcome = "done", .ticks = last.tick, .simulated_s = last.time_s, .state_hash = last.state_hash};
-    if (environment.experiment().declares_success()) result.success = success_s_.has_value();
-    result.success_s = success_s_;
-    recorder->close(result);
+    const simulation::Verdict verdict = environment.verdict();
+    recorder->close(
+        {environment.outcome(), last.tick, last.time_s, last.state_hash, verdict.success, verdict.success_s});
   }
 
  private:
@@ -82,7 +77,6 @@ class EpisodeRecording {
   }
 
   std::unique_ptr<record::Recorder> recorder_;
-  std::optional<double> success_s_;
 };
 
 // Records episodes of some worlds of a batch, one file for each. Worlds run on several threads, HDF5 on one
@@ -108,8 +102,8 @@ class BatchRecorder final : public simulation::EpisodeObserver {
     own.recording.start(fmt::format("{}/world-{:04}-episode-{:06}.h5", folder_, world, own.episodes),
                         environment, command_line_, overrides_[world]);
   }
-  void on_step(int world, const Environment& environment, const simulation::StepResult& result) override {
-    with(world, [&](EpisodeRecording& recording) { recording.add(environment, result); });
+  void on_step(int world, const Environment& environment) override {
+    with(world, [&](EpisodeRecording& recording) { recording.add(environment); });
   }
   void on_intervention(int world, const Environment& environment) override {
     with(world, [&](EpisodeRecording& recording) { recording.mark_intervention(environment); });

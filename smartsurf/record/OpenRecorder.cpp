@@ -21,17 +21,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// True if another process is writing the file. A file system without locks fails with another error than
-// EWOULDBLOCK.
-bool is_locked(const fs::path& path) {
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  const bool locked = file >= 0 && ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  if (file >= 0) ::close(file);
-  return locked;
-}
-
-[[noreturn]] void refuse_second_writer(const fs::path& path) {
-  throw scene::InputError(path.string() + ": another process is writing it: give another name");
+// Throws if someone has the file open, on whom HDF5's locks tell: a writer's is exclusive, those of readers
+// are shared. A file system without locks fails with another error than EWOULDBLOCK.
+void require_unlocked(const fs::path& path, const fs::path& file_name) {
+  const int file = ::open(file_name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (file < 0) return;
+  const bool is_open = ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  const bool is_read = is_open && ::flock(file, LOCK_SH | LOCK_NB) == 0;
+  ::close(file);
+  if (is_open)
+    throw scene::InputError(path.string() + (is_read ? ": is open for reading: close it or give another name"
+                                                     : ": another process is writing it: give another name"));
 }
 
 // A second run with the same --record must not destroy the file of the first.
@@ -43,7 +43,8 @@ void require_writable(const fs::path& path, const fs::path& pending) {
     throw scene::InputError(name + ": cannot be written: there is no directory " + directory.string());
   if (fs::is_directory(path, error))
     throw scene::InputError(name + ": is a directory: give the name of a file in it");
-  if (is_locked(path) || is_locked(pending)) refuse_second_writer(path);
+  require_unlocked(path, path);
+  require_unlocked(path, pending);
   const bool exists = ::access(path.c_str(), F_OK) == 0;
   for (const fs::path& target : {pending != path ? directory : path, exists ? path : directory})
     if (::access(target.c_str(), W_OK) != 0)
@@ -74,8 +75,8 @@ std::unique_ptr<Recorder> open_recorder(const fs::path& path, const RunMetadata&
   auto pending = std::make_unique<PendingFile>(path);
   if (!common::is_prepared(pending->path()))
     require_writable(path, pending->path());
-  else if (is_locked(pending->path()))
-    refuse_second_writer(path);
+  else
+    require_unlocked(path, pending->path());
   try {
     pending->own();
   } catch (const std::system_error& error) {

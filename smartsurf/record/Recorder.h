@@ -62,19 +62,21 @@ struct RunMetadata {
   std::optional<bool> declares_success = {};
   // Versions of the components that computed the run: {"physics", "0.1.0"}, …; the recorder adds its own.
   std::vector<NamedText> versions;
-  std::vector<NamedText> extensions;            // the hashes of the extensions' files, by the files' names
-  std::vector<scene::Variation> varied = {};    // the nuisances of the episode, with the values drawn
-  std::vector<LiveChannel> live_channels = {};  // of a surface that was observed, not simulated
+  std::vector<NamedText> extensions;          // the hashes of the extensions' files, by the files' names
+  std::vector<scene::Variation> varied = {};  // the nuisances of the episode, with the values drawn
+  // False: a surface was observed, of which no seed, engine, step or other setting of a world is known.
+  bool is_simulated = true;
+  std::vector<LiveChannel> live_channels = {};  // of an observed surface
 };
 
 // The end of a run.
 struct RunResult {
-  std::string outcome;                   // one line: "done", "stopped by the user", "failed at tick 12: …"
-  std::uint64_t ticks = 0;               // control periods simulated, recorded or not
-  double simulated_s = 0.0;              // simulated time, s
-  std::uint64_t state_hash = 0;          // of the final state
-  std::optional<bool> success = {};      // the experiment's goal was reached; nullopt: it has none
-  std::optional<double> success_s = {};  // when it was first reached
+  std::string outcome;       // one line: "done", "stopped by the user", "failed at tick 12: …"
+  std::uint64_t ticks = 0;   // control periods simulated, recorded or not
+  double simulated_s = 0.0;  // simulated time, s
+  std::optional<std::uint64_t> state_hash = {};  // of the final state; nullopt: of an observed surface
+  std::optional<bool> success = {};              // the experiment's goal was reached; nullopt: it has none
+  std::optional<double> success_s = {};          // when it was first reached
 };
 
 class Recorder {

@@ -71,9 +71,10 @@ std::string surface_text(const Recording& recording) {
 
 std::string physics_text(const Recording& recording) {
   const scene::WorldSpec& world = recording.spec().world;
-  return concat("engine ", world.engine, ", dt ", world.dt_s, " s, control period ", world.control_period_s,
-                " s, ", recording.meta().mode, " mode",
-                world.unit ? concat(", 1 u = 1 ", world.unit->name) : "");
+  return concat(
+      recording.meta().is_simulated ? concat("engine ", world.engine, ", dt ", world.dt_s, " s, ") : "",
+      "control period ", world.control_period_s, " s, ", recording.meta().mode, " mode",
+      world.unit ? concat(", 1 u = 1 ", world.unit->name) : "");
 }
 
 // A range of lengths: "4", "1 to 2".
@@ -137,14 +138,16 @@ std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
 // To the hundredth of a second, as `smartsurf run` prints times.
 double rounded(double time_s) { return std::round(100.0 * time_s) / 100.0; }
 
+// A recorder of a live surface may miss frames.
 std::string frames_text(const Recording& recording) {
-  const std::size_t n = recording.frames();
+  const std::uint64_t n = recording.frames(), interval = recording.spec().record.tick_interval;
   if (n == 0) return "0";
-  return concat(n, ", ticks ", recording.ticks().front(), " to ", recording.ticks().back(), ", ",
-                rounded(recording.times().front()), " s to ", rounded(recording.times().back()), " s, every ",
-                recording.spec().record.tick_interval == 1
-                    ? "tick"
-                    : concat(recording.spec().record.tick_interval, " ticks"));
+  const std::uint64_t first = recording.ticks().front(), last = recording.ticks().back();
+  const std::uint64_t due = last < first ? 0 : (last - first) / interval + 1;
+  return concat(n, ", ticks ", first, " to ", last, ", ", rounded(recording.times().front()), " s to ",
+                rounded(recording.times().back()), " s, every ",
+                interval == 1 ? "tick" : concat(interval, " ticks"),
+                due > n ? concat(", ", due - n, " missing") : "");
 }
 
 std::string sensors_text(const Recording& recording) {
@@ -160,8 +163,9 @@ std::string outcome_text(const Recording& recording) {
 }
 
 std::string state_text(const Recording& recording) {
-  if (recording.result()) return hash_text(recording.result()->state_hash) + " at the end";
-  if (recording.frames() == 0) return "";
+  if (recording.result() && recording.result()->state_hash)
+    return hash_text(*recording.result()->state_hash) + " at the end";
+  if (recording.frames() == 0 || !recording.meta().is_simulated) return "";
   return hash_text(recording.state_hashes().back()) + " at the last frame";
 }
 
@@ -203,7 +207,7 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "program", recording.meta().program_file);
   write_line(out, "options", options_text(recording));
   if (!recording.meta().varied.empty()) write_line(out, "varied", variations_text(recording.meta().varied));
-  write_line(out, "seed", concat(recording.spec().world.seed));
+  if (recording.meta().is_simulated) write_line(out, "seed", concat(recording.spec().world.seed));
   write_line(out, "physics", physics_text(recording));
   write_line(out, "surface", surface_text(recording));
   if (!recording.spec().objects.empty()) write_line(out, "objects", objects_text(recording.spec().objects));

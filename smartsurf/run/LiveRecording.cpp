@@ -56,7 +56,7 @@ scene::SceneSpec scene_of(const Description& d) {
     pin.min_height += static_cast<double>(lowest);
     pin.max_height += static_cast<double>(highest);
   }
-  spec.world.control_period_s = spec.world.dt_s = static_cast<double>(d.period_ns) * 1e-9;
+  spec.world.control_period_s = static_cast<double>(d.period_ns) * 1e-9;
   spec.record.objects = false;
   spec.record.sensors = scene::SensorRecording::kAlways;
   spec.record.actuators = true;
@@ -69,6 +69,7 @@ record::RunMetadata metadata_of(const Description& d, const LiveRecordingOptions
   meta.mode = d.mode == shm_protocol::Mode::kPassive ? "passive" : "time-step";
   meta.driver = "controller";
   meta.declares_success = false;
+  meta.is_simulated = false;
   for (const ChannelSpec& c : d.channels)
     meta.live_channels.push_back({c.name, c.direction == Direction::kSensor, c.unit, c.minimum, c.maximum});
   return meta;
@@ -258,7 +259,6 @@ class LiveRecording {
     recorder_->record_live(rows);
     recorder_->record_frame(snapshot_, {}, sensors_.data(), actuators_.data());
     ++frames_;
-    end_s_ = snapshot_.time_s;
   }
 
   // Sensed heights if the surface senses them, or else the commanded ones, which count from the base.
@@ -278,7 +278,7 @@ class LiveRecording {
                                 : end == Status::kSurfaceClosed ? "the surface closed"
                                 : common::stop_flag()           ? "stopped by the user"
                                                                 : "done";
-    recorder_->close({.outcome = outcome, .ticks = frames_ + lost_frames_, .simulated_s = end_s_});
+    recorder_->close({.outcome = outcome, .ticks = snapshot_.tick, .simulated_s = snapshot_.time_s});
     common::print_output(fmt::format("frames {} lost {}: {}\n", frames_, lost_frames_, outcome));
     if (end == Status::kSurfaceDead) {
       common::print_error_line("smartsurf", "surface '" + options_.surface +
@@ -301,7 +301,6 @@ class LiveRecording {
   std::uint64_t status_ = 0, seen_ns_ = 0, answered_tick_ = kUnknown;
   steady_clock::time_point seen_at_;
   float latency_us_ = 0;
-  double end_s_ = 0;
 };
 
 }  // namespace

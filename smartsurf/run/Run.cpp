@@ -20,6 +20,7 @@
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/ScriptOverrun.h"
 #include "smartsurf/scene/UnlikelyPlacements.h"
+#include "smartsurf/simulation/Verdict.h"
 
 namespace smartsurf::run {
 namespace {
@@ -425,9 +426,7 @@ void Run::apply_script_requests() {
   if (requests.pause && display_->has_window()) requests_.paused = true;
   quit_by_script_ = requests.quit;
   if (!requests.stop && !requests.quit) return;
-  const std::string& message = requests.stop_message;
-  set_ending(common::kDone, "stopped by the script" + (message.empty() ? "" : ": " + message), message,
-             requests.success);
+  set_ending(common::kDone, simulation::outcome_of(requests), requests.stop_message, requests.success);
 }
 
 bool Run::wait_until_due() {
@@ -489,16 +488,6 @@ void Run::finish_pictures(double end_s) {
   media_.finish(frame_input());
 }
 
-// What success() said at any tick, else what stop() or the metric "success" says at the end.
-std::optional<bool> Run::success() const {
-  if (success_s_) return true;
-  if (ending_->success) return ending_->success;
-  const auto metric =
-      std::ranges::find(experiment_.metrics(), std::string("success"), &record::NamedNumber::first);
-  if (metric != experiment_.metrics().end()) return metric->second > 0.0;
-  return experiment_.declares_success() ? std::optional(false) : std::nullopt;
-}
-
 RunSummary Run::summary() const {
   if (final_summary_) return *final_summary_;
   const scene::Snapshot& snapshot = simulation_.snapshot();
@@ -519,9 +508,10 @@ RunSummary Run::summary() const {
   for (const scene::Variation& v : simulation_.nuisances())
     s.varied.emplace_back(v.name, v.drawn.value_or(0.0));
   s.state_hash = snapshot.state_hash;
-  s.success = success();
-  s.success_s = success_s_;
-  if (!success_s_ && s.success == true) s.success_s = snapshot.time_s;
+  const simulation::Verdict verdict =
+      simulation::judge(experiment_, success_s_, ending_->success, snapshot.time_s);
+  s.success = verdict.success;
+  s.success_s = verdict.success_s;
   s.off_surface = simulation_.departures().off_table_count();
   s.left_table = simulation_.departures().total_departures();
   s.actuator_values_clamped = simulation_.clamped_targets();

@@ -113,7 +113,6 @@ class Run {
   bool failed_to_start() const;
   void finish_pictures(double end_s);
   void write_stats() const;
-  std::optional<bool> success() const;  // nullopt: the script does not say
   RunSummary summary() const;
   std::string describe_controller();
   bool can_restart() const;

@@ -17,7 +17,7 @@ namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '7'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '8'};
   std::uint64_t fingerprint = 0, seed = 0;
   std::uint64_t hash = 0;  // of all that follows
 };
@@ -111,6 +111,8 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
   const auto is_set = [&](const auto& applied) {
     return std::ranges::find(values, applied.first, &Values::value_type::first) != values.end();
   };
+  ending_.reset();
+  reached_s_.reset();
   // Only the script knows the values that are no longer set.
   simulation_.reset();
   if (draws_while_loading_ || !std::ranges::all_of(applied_values_, is_set)) {
@@ -141,6 +143,7 @@ void Environment::start_simulation() {
     controller_->start_episode(scene());
   }
   experiment_->update_metrics(0.0, 0);
+  ask_for_success();
   end_tick_ = options_.max_ticks;
   if (const auto seconds = experiment_->episode_s())
     end_tick_ =
@@ -291,7 +294,7 @@ std::string Environment::save() {
   Simulation& s = running();
   std::string payload;
   common::StateArchive archive(payload);
-  archive(applied_values_);
+  archive(applied_values_, ending_, reached_s_);
   experiment_->save(archive);
   s.archive(archive);
   Header header{.fingerprint = fingerprint(), .seed = seed(), .hash = hash_of(payload)};
@@ -316,7 +319,9 @@ void Environment::restore(std::string_view bytes) {
   if (header.hash != hash_of(payload)) throw scene::InputError(prefix + "the state is damaged");
   common::StateArchive archive(payload);
   Values values;
-  archive(values);
+  std::optional<Ending> ending;
+  std::optional<double> reached_s;
+  archive(values, ending, reached_s);
   // What seed and parameters determine besides the state: faults, actuators, shapes, and what the script
   // draws while it loads.
   if (!simulation_ || header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
@@ -324,6 +329,8 @@ void Environment::restore(std::string_view bytes) {
   failed_ = true;  // until everything is restored
   experiment_->restore(archive);
   simulation_->archive(archive);
+  ending_ = std::move(ending);
+  reached_s_ = reached_s;
   failed_ = false;
 }
 
@@ -342,9 +349,39 @@ void Environment::set_targets(int channel, std::span<const float> targets) {
   running().actuator_array().set_targets(channel, targets);
 }
 
+template <class Work>
+auto Environment::end_on_error(const Work& work) {
+  try {
+    return work();
+  } catch (const scene::InputError& error) {
+    end(error.what());
+    throw;
+  }
+}
+
 void Environment::finish() {
   running();
-  experiment_->finish();
+  end_on_error([&] { experiment_->finish(); });
+  end("done");
+}
+
+Verdict Environment::verdict() const {
+  return judge(*experiment_, reached_s_, ending_ ? ending_->stop_success : std::nullopt,
+               simulation().partial_snapshot().time_s);
+}
+
+bool Environment::has_succeeded() const { return reached_s_ || (ending_ && verdict().success == true); }
+
+// Whether success() says so of the latest state.
+bool Environment::ask_for_success() {
+  const scene::Snapshot& state = simulation_->partial_snapshot();
+  const std::optional<double> reached_s = experiment_->success(state.time_s, state.tick);
+  if (!reached_s_) reached_s_ = reached_s;
+  return reached_s.has_value();
+}
+
+void Environment::end(std::string outcome, std::optional<bool> stop_success) {
+  if (!ending_) ending_ = Ending{std::move(outcome), stop_success};
 }
 
 std::span<const float> Environment::controller_targets() const {
@@ -371,7 +408,10 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
     s.commit_actuators();
     prefetch.fetch_part();
   }
-  if (const auto failure = s.failure()) throw scene::InputError(scene().file + ": " + *failure);
+  if (const auto failure = s.failure()) {
+    end(*failure);
+    throw scene::InputError(scene().file + ": " + *failure);
+  }
   s.finish_tick();
   s.sense();
   prefetch.fetch_part();
@@ -381,16 +421,23 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
 }
 
 StepResult Environment::step(std::span<const std::byte> prefetched) {
-  const bool has_advanced = advance(prefetched);
   Simulation& s = running();
-  const double time_s = s.partial_snapshot().time_s;
-  const std::uint64_t tick = s.partial_snapshot().tick;
   StepResult result;
-  result.reward = experiment_->reward(time_s, tick);
-  result.success = experiment_->success(time_s, tick).has_value();
+  const bool has_advanced = end_on_error([&] {
+    const bool advanced = advance(prefetched);
+    result.reward = experiment_->reward(s.partial_snapshot().time_s, s.partial_snapshot().tick);
+    result.terminated = ask_for_success();
+    return advanced;
+  });
   const ScriptRequests requests = s.take_requests();
-  result.terminated = result.success || requests.stop || requests.quit;
-  result.truncated = !has_advanced || (end_tick_ && tick >= *end_tick_);
+  result.truncated = !has_advanced || (end_tick_ && s.partial_snapshot().tick >= *end_tick_);
+  // As in Run, which goes on after success().
+  if (result.truncated) end(has_advanced ? "done" : "the controller exited");
+  if (requests.stop || requests.quit) {
+    result.terminated = true;
+    end(outcome_of(requests), requests.success);
+  }
+  result.success = has_succeeded();
   return result;
 }
 
@@ -403,7 +450,8 @@ std::vector<script::Experiment::InfoField> Environment::info_fields() const {
 void Environment::info(std::span<double> values) {
   const scene::Snapshot& snapshot = running().partial_snapshot();
   const std::vector<scene::Variation>& vary = simulation_->nuisances();
-  experiment_->info(snapshot.time_s, snapshot.tick, values.first(values.size() - vary.size()));
+  end_on_error(
+      [&] { experiment_->info(snapshot.time_s, snapshot.tick, values.first(values.size() - vary.size())); });
   std::ranges::transform(vary, values.last(vary.size()).begin(),
                          [](const auto& v) { return v.drawn.value_or(NAN); });
 }

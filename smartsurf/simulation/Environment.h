@@ -18,6 +18,7 @@
 #include "smartsurf/simulation/ControllerLink.h"
 #include "smartsurf/simulation/SceneParameter.h"
 #include "smartsurf/simulation/Simulation.h"
+#include "smartsurf/simulation/Verdict.h"
 
 namespace smartsurf::simulation {
 
@@ -41,7 +42,7 @@ struct StepResult {
   double reward = 0.0;
   bool terminated = false;  // success(), stop() or quit() of the script
   bool truncated = false;   // episode.seconds or max_ticks are over
-  bool success = false;
+  bool success = false;     // Environment::has_succeeded()
 };
 
 class Environment {
@@ -61,6 +62,8 @@ class Environment {
   std::uint64_t seed() const { return scene().world.seed; }
   // False if the episode could not start or has failed: only reset() and restore() may follow.
   bool has_running_episode() const { return simulation_ != nullptr && !failed_; }
+  // Gives up the episode, as one that has failed.
+  void fail() { failed_ = true; }
 
   // Starts the next episode with that seed. The result is that of a new environment with the seed. The script
   // runs again only if it draws random numbers while it loads; otherwise its variables return to their values
@@ -120,8 +123,16 @@ class Environment {
   bool has_controller() const { return options_.controller != nullptr; }
   // The values that the controller has set in the latest step: channels × rows × columns; empty without one.
   std::span<const float> controller_targets() const;
-  // Runs on_finish, whose metrics are final; once per episode.
+  // Runs on_finish, whose metrics are final; once per episode, which ends.
   void finish();
+
+  // Whether success() has said so in this episode or, once it has ended, the verdict does.
+  bool has_succeeded() const;
+  // As of the latest step, or of finish(). Throws as simulation() does.
+  Verdict verdict() const;
+  // Why the episode has ended, one line: "done", "stopped by the script: …", or its error. "done" while it
+  // runs.
+  std::string outcome() const { return ending_ ? ending_->outcome : "done"; }
 
   // The values of info{}, and of the episode's nuisances as "varied.NAME".
   std::vector<script::Experiment::InfoField> info_fields() const;
@@ -149,6 +160,10 @@ class Environment {
   const scene::SceneSpec& declared() const { return declared_ ? *declared_ : scene(); }
   Simulation& running();
   bool advance(std::span<const std::byte> prefetched);
+  bool ask_for_success();
+  void end(std::string outcome, std::optional<bool> stop_success = std::nullopt);
+  template <class Work>
+  auto end_on_error(const Work&);
   void refuse_controller(const char* call) const;
   std::uint64_t fingerprint() const;
 
@@ -166,6 +181,13 @@ class Environment {
   Values applied_values_;          // of this episode, which the scene has
   bool failed_ = false;            // in this episode
   std::optional<std::uint64_t> end_tick_;
+  struct Ending {
+    std::string outcome;
+    std::optional<bool> stop_success;  // as stop() says
+    void archive(common::StateArchive& a) { a(outcome, stop_success); }
+  };
+  std::optional<Ending> ending_;     // the first one of the episode
+  std::optional<double> reached_s_;  // what success() returned when it first said so
 };
 
 }  // namespace smartsurf::simulation

@@ -175,16 +175,24 @@ void EnvironmentBatch::throw_if_all_failed() const {
   if (std::ranges::all_of(worlds_, [](const World& world) { return !world.error.empty(); })) throw_error(0);
 }
 
-void EnvironmentBatch::write_state(std::size_t i, Outcome outcome, const StateArrays& a) {
+void EnvironmentBatch::write_state(std::size_t i, std::int64_t nonfinite_actions, const StateArrays& a) {
   Environment& environment = *worlds_[i].environment;
   if (!a.observations.empty())
     environment.observe(a.observations.subspan(i * observation_size_, observation_size_));
   if (info_size_ > 0 && !a.info.empty()) environment.info(a.info.subspan(i * info_size_, info_size_));
   if (!a.seeds.empty()) a.seeds[i] = environment.seed();
-  if (!a.success.empty()) a.success[i] = outcome.success ? 1 : 0;
+  if (!a.success.empty()) a.success[i] = environment.has_succeeded() ? 1 : 0;
   if (!a.time.empty()) a.time[i] = environment.simulation().partial_snapshot().time_s;
   write_objects(i, a);
-  if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = outcome.nonfinite_actions;
+  if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = nonfinite_actions;
+}
+
+bool EnvironmentBatch::finish_episode(std::size_t i) {
+  World& world = worlds_[i];
+  world.environment->finish();
+  world.final_metrics = world.environment->metrics();
+  end_observed(i);
+  return world.environment->has_succeeded();
 }
 
 void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask,
@@ -246,9 +254,7 @@ void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const Ba
     world.episode_over = true;
     world.start_error.clear();
     try {
-      world.environment->finish();
-      world.final_metrics = world.environment->metrics();
-      end_observed(i);
+      if (finish_episode(i) && !a.state.success.empty()) a.state.success[i] = 1;
       if (autoreset_ != Autoreset::kSameStep) return;
       copy_state(i, a.state, a.final_state);
       start_next_episode(i, a);
@@ -268,7 +274,7 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   worlds_[i].episode_over = false;
   worlds_[i].error.clear();
   worlds_[i].start_error.clear();
-  write_state(i, {}, a.state);
+  write_state(i, 0, a.state);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {
@@ -297,7 +303,7 @@ void EnvironmentBatch::start_episode(std::size_t i, std::uint64_t seed, const Ba
   world.environment->reset(world.seed = world.started_seed = seed);
   world.locate_simulation();
   world.episode_over = false;
-  write_state(i, {}, a.state);
+  write_state(i, 0, a.state);
   if (observer_ != nullptr) observer_->on_start(static_cast<int>(i), *world.environment);
 }
 
@@ -324,16 +330,16 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
         environment.set_targets(static_cast<int>(c), actions.subspan(c * cells_, cells_));
     }
     result = environment.step(memory_of_next(i));
-    if (observer_ != nullptr) observer_->on_step(static_cast<int>(i), environment, result);
+    if (observer_ != nullptr) observer_->on_step(static_cast<int>(i), environment);
     if (options_.controller) actions = environment.controller_targets();
     world.episode_over = result.terminated || result.truncated;
     const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
+    const StateArrays& state = resets ? a.final_state : a.state;
     // Before on_finish, as in Env: it may change what info{} reports.
-    write_state(i, {result.success, count_nonfinite(actions)}, resets ? a.final_state : a.state);
+    write_state(i, count_nonfinite(actions), state);
     if (world.episode_over) {
-      environment.finish();
-      world.final_metrics = environment.metrics();
-      end_observed(i);
+      const bool succeeded = finish_episode(i);
+      if (!state.success.empty()) state.success[i] = succeeded ? 1 : 0;
     }
     if (resets) start_next_episode(i, a);
   }

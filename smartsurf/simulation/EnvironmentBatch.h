@@ -30,10 +30,10 @@ enum class Autoreset {
 
 // What there is of a state, world by world.
 struct StateArrays {
-  std::span<float> observations;   // worlds × observation_size()
-  std::span<double> info;          // worlds × info_size()
-  std::span<std::uint64_t> seeds;  // of the episode
-  std::span<std::uint8_t> success;
+  std::span<float> observations;              // worlds × observation_size()
+  std::span<double> info;                     // worlds × info_size()
+  std::span<std::uint64_t> seeds;             // of the episode
+  std::span<std::uint8_t> success;            // Environment::has_succeeded()
   std::span<std::int64_t> nonfinite_actions;  // values of the step's actions that were NaN or infinite
   // worlds × object_count() × kObjectStateSize: position, orientation x y z w, velocity, angular velocity of
   // the declared objects; NaN of those that are gone.
@@ -56,7 +56,7 @@ class EpisodeObserver {
  public:
   virtual ~EpisodeObserver() = default;
   virtual void on_start(int world, const Environment&) = 0;  // after the reset
-  virtual void on_step(int world, const Environment&, const StepResult&) = 0;
+  virtual void on_step(int world, const Environment&) = 0;
   virtual void on_intervention(int world, const Environment&) = 0;  // a change between two steps
   virtual void on_end(int world, const Environment&) = 0;           // also of an episode that is given up
 };
@@ -163,11 +163,8 @@ class EnvironmentBatch {
   void step_world(std::size_t, const BatchArrays&);
   void end_failed_episode(std::size_t, const BatchArrays&);
   void write_failed_state(std::size_t, const StateArrays&) const;
-  struct Outcome {
-    bool success = false;
-    std::int64_t nonfinite_actions = 0;
-  };
-  void write_state(std::size_t, Outcome, const StateArrays&);
+  void write_state(std::size_t, std::int64_t nonfinite_actions, const StateArrays&);
+  bool finish_episode(std::size_t);  // runs on_finish; returns whether the episode has succeeded
 
   EnvironmentOptions options_;
   Autoreset autoreset_;

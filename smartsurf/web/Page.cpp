@@ -115,6 +115,7 @@ json page_json(const Recording& recording, const std::vector<std::size_t>& frame
   json time = json::array();
   for (const std::size_t frame : frames) time.push_back(recording.times()[frame]);
   json page = scene_json(recording.spec(), recording.spec().objects);
+  if (!recording.meta().is_simulated) page.erase("seed");
   page["time"] = std::move(time);
   page["plots"] = plots_json(recording, frames);
   return page;

@@ -122,7 +122,7 @@ function seek(frame) {
   state.now = scene.time[state.frame];
 }
 
-byId('facts').textContent = `${scene.rows} × ${scene.columns} cells, ${scene.objects.length} object${scene.objects.length === 1 ? '' : 's'}, seed ${scene.seed}`;
+byId('facts').textContent = `${scene.rows} × ${scene.columns} cells, ${scene.objects.length} object${scene.objects.length === 1 ? '' : 's'}${scene.seed === undefined ? '' : `, seed ${scene.seed}`}`;
 byId('slider').max = last;
 byId('slider').addEventListener('input', () => { setPlaying(false); seek(Number(byId('slider').value)); });
 byId('play').addEventListener('click', () => setPlaying(!state.playing));

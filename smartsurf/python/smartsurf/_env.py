@@ -115,9 +115,10 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
             reward = float(self._reward(observation, action))
         if self._done is not None:
             terminated = bool(self._done(observation)) or terminated
-        info = self._info(not self._live and s._success, nonfinite)
+        info = self._info(nonfinite)
         if (terminated or truncated) and not self._live:
             info["metrics"] = s.finish()
+            info["success"] = s.success  # of which on_finish may decide
             s.stop_recording()
         self._show()
         return observation, reward, terminated, truncated, info
@@ -125,8 +126,8 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
     def _observation(self) -> FloatArray:
         return self.simulation._observation.copy()
 
-    def _info(self, success: bool = False, nonfinite: int = 0) -> Info:
-        script = {} if self._live else {"seed": self.simulation.seed, "success": bool(success)}
+    def _info(self, nonfinite: int = 0) -> Info:
+        script = {} if self._live else {"seed": self.simulation.seed, "success": self.simulation.success}
         return {**script, "nonfinite_actions": nonfinite, **self.simulation.info}
 
     def __reduce__(self) -> tuple[Any, ...]:

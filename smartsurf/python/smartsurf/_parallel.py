@@ -94,8 +94,8 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
             self._targets[...] = self.task.worlds._safe
             return self._observations(), self._of_each(info)
         self.simulation.reset(drawn)
-        return self._observations(), self._of_each({"seed": self.simulation.seed, "success": False, "nonfinite_actions": 0,
-                                                    **self.simulation.info})
+        return self._observations(), self._of_each({"seed": self.simulation.seed, "success": self.simulation.success,
+                                                    "nonfinite_actions": 0, **self.simulation.info})
 
     def step(self, actions: Mapping[str, ArrayLike]) -> tuple[dict[str, FloatArray], dict[str, float], dict[str, bool],
                                                               dict[str, bool], dict[str, Any]]:
@@ -121,9 +121,10 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         else:
             s = self.simulation
             reward, terminated, truncated = s.step()
-            info = {"seed": s.seed, "success": bool(s._success), "nonfinite_actions": nonfinite, **s.info}
+            info = {"seed": s.seed, "success": s.success, "nonfinite_actions": nonfinite, **s.info}
             if terminated or truncated:
                 info["metrics"] = s.finish()
+                info["success"] = s.success
         result = (self._observations(), self._each(reward), self._each(terminated), self._each(truncated),
                   self._of_each(info))
         if terminated or truncated:

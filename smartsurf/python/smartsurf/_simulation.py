@@ -96,7 +96,6 @@ class Simulation(Surface):
         self._arguments: dict[str, Any] = dict(experiment=os.fspath(experiment), set=dict(set or {}), threads=threads,
                                                engine=engine, extensions=[os.fspath(path) for path in extensions],
                                                source=source)
-        self._success = False
         self.experiment = os.fspath(experiment)
         self._description = self._core.describe()
         self.pitch: float = self._description["pitch"]    # distance of neighbouring cells, u
@@ -161,6 +160,12 @@ class Simulation(Surface):
         return self._core.seed
 
     @property
+    def success(self) -> bool:
+        """Whether the episode has reached its goal: success() has said so at a tick or, at the end, stop() or the metric
+        `success`; after finish(), also one of on_finish."""
+        return bool(self._core.success)
+
+    @property
     def engine(self) -> str:
         """The physics engine, "native" or "bullet"."""
         return str(self._description["engine"])
@@ -183,7 +188,7 @@ class Simulation(Surface):
         self._check_process()
         if actions is not None:
             self._take(actions)
-        reward, terminated, truncated, self._success = self._core.step(self._targets)
+        reward, terminated, truncated = self._core.step(self._targets)
         return reward, terminated, truncated
 
     def reset(self, seed: int | None = None) -> int:
@@ -305,7 +310,8 @@ class Simulation(Surface):
         self._core.set_wrenches(ids, _parameters.pushes(force, torque, (), len(ids), several))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (self._arguments, self._core.parameter_settings(), self.save(), self._targets.copy(), self._success)
+        state = self.save() if self._core.has_running_episode else None
+        return _unpickled, (self._arguments, self._core.parameter_settings(), state, self._targets.copy())
 
     def _check_process(self) -> None:
         if self._threads > 1 and self._process != os.getpid():
@@ -313,11 +319,12 @@ class Simulation(Surface):
                                "fork, or with threads=1")
 
 
-def _unpickled(arguments: dict[str, Any], settings: Any, state: bytes, targets: NDArray[np.float32],
-               success: bool) -> Simulation:
+def _unpickled(arguments: dict[str, Any], settings: Any, state: bytes | None, targets: NDArray[np.float32]) -> Simulation:
     simulation = Simulation(**arguments)
     simulation._core.set_parameter_settings(settings)
-    simulation.restore(state)
+    if state is None:  # as the original, good for reset() and restore()
+        simulation._core.fail()
+    else:
+        simulation.restore(state)
     simulation._targets[...] = targets
-    simulation._success = success
     return simulation

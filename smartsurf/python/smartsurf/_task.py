@@ -429,7 +429,7 @@ class TaskVectorEnv(VectorEnv):
             self._add_errors(infos, unstarted)
             final_obs = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(over):
-                final_obs[i] = {name: values[i] for name, values in last.items()} if isinstance(last, dict) else last[i]
+                final_obs[i] = _of_world(last, int(i))
             infos.update(final_obs=final_obs, _final_obs=over.copy(), final_info=final, _final_info=over.copy())
         return observation, rewards, terminated, truncated, infos
 
@@ -452,8 +452,7 @@ class TaskVectorEnv(VectorEnv):
         mask = np.arange(self.num_envs) == world
         self._begin(mask)
         observation = self._observe(self.state())
-        return ({name: values[world] for name, values in observation.items()} if isinstance(observation, dict)
-                else observation[world])
+        return _of_world(observation, world)
 
     def _save_worlds(self) -> Info:
         return {**super()._save_worlds(), "actions": self._actions.copy()}
@@ -583,7 +582,14 @@ def _unpickled_env(members: dict[str, Any]) -> TaskEnv:
 
 
 def _first(observation: Any) -> Any:
-    return {name: values[0] for name, values in observation.items()} if isinstance(observation, dict) else observation[0]
+    return _of_world(observation, 0)
+
+
+def _of_world(observation: Any, world: int) -> Any:
+    """An array also where each world has one number."""
+    if isinstance(observation, dict):
+        return {name: np.asarray(values[world]) for name, values in observation.items()}
+    return np.asarray(observation[world])
 
 
 def _first_infos(infos: Info) -> Info:

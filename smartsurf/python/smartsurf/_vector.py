@@ -2,10 +2,11 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypedDict, Union
 
 import gymnasium
@@ -107,7 +108,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
         self.num_envs = num_envs
-        of_worlds = _options_of_worlds(set, num_envs)
+        of_worlds = _options_of_worlds(set, num_envs, lambda options: _whole_options(experiment, options, source))
         self._arguments: dict[str, Any] = dict(
             experiment=os.fspath(experiment), num_envs=num_envs, threads=threads, set=of_worlds, engine=engine, copy=copy,
             autoreset_mode=autoreset_mode, render_mode=render_mode, render_size=render_size, camera=camera,
@@ -422,25 +423,44 @@ def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], settings: list[A
     return envs
 
 
-def _options_of_worlds(given: Any, count: int) -> list[Options]:
-    """The options of each world."""
+def _options_of_worlds(given: Any, count: int, whole_options: Callable[[Options], Collection[str]]) -> list[Options]:
+    """The options of each world. whole_options: the names of those of which a range of whole numbers gives whole ones."""
     if given is None or isinstance(given, Mapping):
         given = [given or {}] * count
     elif not isinstance(given, Sequence) or isinstance(given, str) or len(given) != count:
         raise ValueError(f"set = {given!r}: must be a dict, or a list of one per world, {count}")
-    return [{name: _drawn(name, value, i) for name, value in options.items()} if isinstance(options, Mapping) else options
-            for i, options in enumerate(given)]
+    known: dict[int, Collection[str]] = {}  # often the same dict for all worlds
+
+    def drawn(options: Any, world: int) -> Any:
+        if not isinstance(options, Mapping) or not any(isinstance(value, tuple) for value in options.values()):
+            return options
+        if id(options) not in known:
+            known[id(options)] = whole_options(options)
+        return {name: _drawn(name, value, world, name in known[id(options)]) for name, value in options.items()}
+    return [drawn(options, i) for i, options in enumerate(given)]
 
 
-def _drawn(name: str, value: Any, world: int) -> Any:
-    """The value of an option in a world: that of a range (low, high) is drawn; of whole numbers, a whole one."""
+def _whole_options(experiment: PathName, options: Options, source: str | None) -> Collection[str]:
+    """The options whose ranges are of whole numbers and whose default is no float, as text 2 and not 2.0."""
+    ranges = [name for name, value in options.items() if isinstance(value, tuple) and not name.startswith("vary.")
+              and all(isinstance(end, int) for end in value)]
+    try:
+        defaults = _core.option_values(os.fspath(experiment), overrides(
+            {name: value for name, value in options.items() if not isinstance(value, tuple)}), source) if ranges else {}
+    except _core.Error:  # which creating the worlds names, if they have it too
+        defaults = {}
+    return [name for name in ranges if re.fullmatch(r"-?\d+", defaults.get(name, "0"))]
+
+
+def _drawn(name: str, value: Any, world: int, whole: bool) -> Any:
+    """The value of an option in a world: that of a range (low, high) is drawn."""
     if not isinstance(value, tuple) or name.startswith("vary."):  # which each episode draws
         return value
     if len(value) != 2 or not all(isinstance(end, (int, float)) for end in value) or not value[0] <= value[1]:
         raise ValueError(f"set: {name} = {value!r}: a range must be (low, high), two numbers")
     low, high = value
     share = float(_core.draw_uniform([world], f"option {name}", 1)[0, 0])
-    if isinstance(low, int) and isinstance(high, int):
+    if whole:
         return low + int(share * (high - low + 1))
     return low + share * (high - low)
 

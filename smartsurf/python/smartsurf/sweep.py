@@ -32,6 +32,7 @@ from .success import Step, success_curve, time_of_share, wilson
 Options = tuple[tuple[str, str], ...]
 
 SUCCESS_TIMES = ("success_s", "sorted_at_s")  # figures: when the run succeeded; null if it did not
+DECIDED = ("success", "purity")  # figures that the metric of that name decides
 OWN_COLUMNS = ("seed", "exit_status", "runs", "failed", "succeeded", "success_rate", "success_low", "success_high")  # besides options
 LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
@@ -163,7 +164,8 @@ class Point:
             return {}
 
     def figures(self) -> dict[str, Any]:
-        """The statistics, nested names joined by dots, metrics by their own names; empty if not run."""
+        """The statistics, nested names joined by dots, and the metrics by their own names: one with the name of a statistic is
+        metrics.NAME, but in DECIDED. Empty if not run."""
         if self.status() is None:
             return {}
         flat: dict[str, Any] = {}
@@ -176,7 +178,14 @@ class Point:
                 flat[prefix] = value
 
         walk("", self.read("stats.json"))
-        return {k.removeprefix("metrics."): v for k, v in flat.items() if k not in ("seed", "experiment")}
+        flat = {name: value for name, value in flat.items() if name not in ("seed", "experiment")}
+        own = flat.keys() - set(DECIDED)
+
+        def column(name: str) -> str:
+            short = name.removeprefix("metrics.")
+            return name if short in own else short
+
+        return {column(name): value for name, value in flat.items()}
 
     def message(self) -> str:
         """The last line of the run's log."""

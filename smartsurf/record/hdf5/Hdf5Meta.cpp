@@ -27,10 +27,12 @@ void archive_meta(const Archive& a, Meta& meta, Spec& spec) {
   a.since("unsafe", meta.unsafe);
   a("declares_success", meta.declares_success);
   auto& world = spec.world;
+  a("control_period_s", world.control_period_s);
+  a.count("every", spec.record.tick_interval, 1u << 30);
+  if (!meta.is_simulated) return;
   a.since("engine", world.engine);
   a("seed", world.seed);
   a("dt_s", world.dt_s);
-  a("control_period_s", world.control_period_s);
   a.count("iterations", world.iterations, 1u << 20);
   std::optional<std::string> unit;
   if (world.unit) unit = world.unit->name;
@@ -42,7 +44,6 @@ void archive_meta(const Archive& a, Meta& meta, Spec& spec) {
   if constexpr (Archive::kReads) world.gravity = {gravity[0], gravity[1], gravity[2]};
   a("ground", world.ground);
   a.since("sleep", world.sleep);
-  a.count("every", spec.record.tick_interval, 1u << 30);
 }
 
 template <class Archive, class Result>
@@ -157,6 +158,7 @@ RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
   if (version != kFormatVersion)
     throw Hdf5Error("is a recording in format " + std::to_string(version) + "; this program reads format 1");
   RecordedMeta recorded;
+  recorded.meta.is_simulated = has_attribute(group, "seed") && !has_link(file, paths::kClock);
   archive_meta(read, recorded.meta, spec);
   recorded.meta.versions = read_string_attributes(group, paths::kVersions);
   if (has_link(group, paths::kExtensions))
@@ -166,7 +168,7 @@ RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
   for (NamedText& option : read_string_attributes(group, paths::kOptions))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
   if (has_link(group, paths::kVary)) recorded.meta.varied = read_variations(group);
-  if (has_attribute(group, "state_hash")) archive_result(read, recorded.result.emplace());
+  if (has_attribute(group, "simulated_s")) archive_result(read, recorded.result.emplace());
   return recorded;
 }
 

@@ -21,7 +21,7 @@ inline constexpr const char *kSurface = "surface", *kHeightChanges = "surface/ch
 
 inline constexpr const char *kInputs = "inputs", *kInputChanges = "inputs/changes", *kInputValues = "values",
                             *kSensors = "sensors", *kActuators = "actuators", *kMetrics = "metrics",
-                            *kRegisters = "registers", *kSolids = "solids";
+                            *kRegisters = "registers", *kSolids = "solids", *kClock = "clock";
 
 // Columns of /objects: one entry per object.
 namespace column {

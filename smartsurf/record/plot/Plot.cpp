@@ -143,12 +143,6 @@ void load_fonts() {
   (void)once;
 }
 
-// Whether a surface was recorded that another process drove.
-bool is_live(const Recording& recording) {
-  return std::ranges::find(recording.datasets(), "/clock/host_ns", &Recording::DatasetInfo::name) !=
-         recording.datasets().end();
-}
-
 void write_figure(const Figure& figure, const fs::path& path) {
   load_fonts();
   const std::string extension = path.extension().string();
@@ -176,9 +170,10 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
   if (shows_objects && !recording.has_objects())
     throw scene::InputError(
         recording.path().string() + ": has no object poses: " +
-        (is_live(recording) ? "it is the recording of a live surface, which has no objects; --what names "
-                              "what to plot instead, such as height:0,0"
-                            : "its experiment sets record { objects = false }"));
+        (recording.meta().is_simulated
+             ? "its experiment sets record { objects = false }"
+             : "it is the recording of a live surface, which has no objects; --what names what to plot "
+               "instead, such as height:0,0"));
   write_figure(*make_figure(recording, what), path);
 }
 

@@ -52,8 +52,36 @@ class LiveRecordings(ProgramTest):
             self.assertTrue((latency[numpy.isfinite(latency)] >= 0).all())
             self.assertGreater(numpy.isfinite(latency).sum(), 30)
             self.assertEqual(f["sensors/proximity_hit"].attrs["maximum"], 1)
-            self.assertEqual(f["meta"].attrs["outcome"], "the surface closed")
+            meta = f["meta"].attrs
+            self.assertEqual((meta["outcome"], meta["ticks"]), ("the surface closed", tick[-1]))
+            self.assertAlmostEqual(meta["control_period_s"], 0.01)
+            for name in ("engine", "seed", "dt_s", "iterations", "gravity", "ground", "sleep", "state_hash", "success"):
+                self.assertNotIn(name, meta)
+            frames = len(tick)
+        info = self.run_program(SMARTSURF, "info", str(self.folder / "live.h5"))[1]
+        self.assertNotRegex(info, "(?m)^seed|^state hash|engine|dt ")
+        self.assertIn("control period 0.01 s, passive mode", info)
+        missing = int(tick[-1]) - int(tick[0]) + 1 - frames
+        self.assertRegex(info, rf"(?m)^frames .* every tick{f', {missing} missing' if missing else ''}$")
         self.check_commands("live.h5")
+
+    def test_frames_that_were_not_seen_are_counted(self):
+        sys.path.insert(0, str(ROOT / "shm-protocol/python"))
+        import shm_protocol
+        with shm_protocol.Surface(self.shm, 2, 2, 0.02, sensors=[shm_protocol.Channel("d")],
+                                  actuators=[shm_protocol.Channel("height", 0, 4, 3)], mode="passive") as surface:
+            recorder = self.record("--frames", "5")
+            for tick in range(0, 20000, 2):  # as if each other frame were lost
+                surface.publish(tick, tick * 0.02)
+                time.sleep(0.02)
+                if recorder.poll() is not None:
+                    break
+        self.assertEqual(self.finish(recorder)[0], 0)
+        with self.read() as f:
+            tick = f["tick"][:].astype(int)
+            self.assertEqual(f["meta"].attrs["ticks"], tick[-1])
+        info = self.run_program(SMARTSURF, "info", str(self.folder / "live.h5"))[1]
+        self.assertRegex(info, rf"(?m)^frames +5, .* every tick, {tick[-1] - tick[0] + 1 - 5} missing$")
 
     def check_commands(self, file):
         path = str(self.folder / file)

@@ -170,6 +170,22 @@ class Sweep(ProgramTest):
         self.assertEqual(len({r["chance"] for r in rows}), 3)
         self.assertEqual(rows[0]["chance"], rows[3]["chance"])
 
+    def test_a_metric_does_not_hide_a_statistic(self):
+        self.write("table.lua", TABLE.replace("metric('product'", "metric('contacts', -7) metric('product'"))
+        self.assertEqual(self.sweep("--set", "weight=1", "--y", "metrics.contacts")[0], 0)
+        (row,), (summed,) = self.results(), self.results("summary.csv")
+        self.assertEqual((float(row["contacts"]), float(row["metrics.contacts"])), (0, -7))
+        self.assertEqual((float(summed["contacts.median"]), float(summed["metrics.contacts.median"])), (0, -7))
+
+    def test_a_plot_shows_negative_values(self):
+        for values in ("weight - 4", "weight - 1.5", "weight", "0"):
+            self.write("table.lua", TABLE.replace("weight * 10", values))
+            status, out, err = self.sweep("--set", "weight=1,2", "--y", "product")
+            self.assertEqual(status, 0, out + err)
+            picture = (self.folder / "out/results.svg").read_text()
+            # A point for each run in the light colour, and one of the legend, of which none lies outside the axes.
+            self.assertEqual(picture.count("rgb(49.80"), 3, values)
+
     def test_reruns_only_unfinished_and_failed_points(self):
         self.assertEqual(self.sweep("--set", "weight=1", "--seeds", "1-3")[0], 0)
         runs = self.folder / "out/runs"

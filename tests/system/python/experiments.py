@@ -72,6 +72,22 @@ info { ball = ball, limit = function() return limit end, finished = function() r
 on_finish(function() finished = 1 metric('limit', limit) if limit > 0.5 then metric('late', 1) end end)
 """
 
+# Ends of an episode of 1 s: name, script, and whether it succeeds.
+VERDICT_SCENE = "surface { rows = 3, columns = 3, actuator = pin {} } sphere { radius = 0.3, position = {1, 1, 1} } episode { seconds = 1 }\n"
+VERDICTS = (
+    ("stop, true", "at(0.5, function() stop('reached', true) end)", True),
+    ("stop, false", "at(0.5, function() stop('missed', false) end)", False),
+    ("stop", "at(0.5, function() stop() end)", False),
+    ("metric 1", "on_finish(function() metric('success', 1) end)", True),
+    ("metric 0", "at(0.2, function() metric('success', 1) end) on_finish(function() metric('success', 0) end)", False),
+    ("metric and stop", "metric('success', function() return 1 end) at(0.5, function() stop('no', false) end)", False),
+    ("a returned time", "success(function(t) return t > 0.7 and 0.3 end)", True),
+    ("at the start", "success(function(t, tick) return tick == 0 end)", True),
+    ("never", "success(function() return false end)", False),
+    ("error", "metric('success', function() return 0 end) at(0.5, function() error('broken') end)", False),
+    ("error after success", "success(function(t) return t > 0.2 end) at(0.5, function() error('broken') end)", True),
+)
+
 ACTUATORS = {
     "wheels": "wheels { top = 0.8, max_spin = 20 }", "ball": "ball { radius = 0.4, max_spin = 20 }",
     "rotor": "rotor {}", "force_field": "force_field { max_force = 4, reach = 1 }",

@@ -20,7 +20,7 @@ try:
 except ImportError as error:
     print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
     sys.exit(77)
-from experiments import CROWD, ENDINGS, NOISY, ExperimentTest
+from experiments import CROWD, ENDINGS, NOISY, VERDICT_SCENE, VERDICTS, ExperimentTest
 
 
 def sampled(space, seed):
@@ -36,7 +36,7 @@ class Environments(ExperimentTest):
                 warnings.simplefilter("ignore")
                 env = gymnasium.make(task.id)
                 check_env(env.unwrapped, skip_render_check=True)
-                self.assertTrue(env.unwrapped._info(False).keys() >= {"seed", "success"})
+                self.assertTrue(env.unwrapped._info().keys() >= {"seed", "success"})
                 self.assertTrue(env.unwrapped.simulation._description["has_reward"])
                 self.assertIsNotNone(env.unwrapped.simulation._description["episode_seconds"])
                 self.assertGreater(env.observation_space.shape[0], 0)
@@ -118,6 +118,30 @@ class Environments(ExperimentTest):
         self.assertEqual(info["metrics"].keys(), {"best", "count"})
 
 
+    def test_a_copy_of_a_failed_environment_goes_on_after_a_reset(self):
+        env = smartsurf.Env(self.script(CROWD + "local bad on_reset(function() bad = random(0, 1) < 0.5 end)\n"
+                                                "at(0.1, function() if bad then error('broken') end end)"))
+
+        def fails(seed):
+            env.reset(seed=seed)
+            try:
+                for tick in range(10):
+                    env.step(sampled(env.action_space, tick))
+            except smartsurf.Error as error:
+                self.assertIn("broken", str(error))
+                return True
+            return False
+        bad, good = (next(seed for seed in range(20) if fails(seed) == wanted) for wanted in (True, False))
+        for copied in (lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy):
+            self.assertTrue(fails(bad))
+            again = copied(env)
+            with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
+                again.step(sampled(env.action_space, 1))
+            for one in (env, again):
+                one.reset(seed=good)
+                one.step(sampled(env.action_space, 1))
+            self.assertEqual(env.simulation.state_hash, again.simulation.state_hash)
+
     def test_a_pickled_or_copied_environment_continues_with_the_same_bits(self):
         path = self.script(CROWD)
         env, cells = smartsurf.Env(path), smartsurf.parallel_env(path, block=4)
@@ -144,6 +168,28 @@ class Environments(ExperimentTest):
         actions = {agent: cells.action_space(agent).sample() for agent in cells.agents}
         for one, other in zip(cells.step(actions)[0].values(), again.step(actions)[0].values(), strict=True):
             np.testing.assert_array_equal(one, other)
+
+    def test_success_is_the_verdict_on_the_episode(self):
+        for name, body, success in VERDICTS:
+            if "error" in body:
+                continue
+            path = self.script(VERDICT_SCENE + "reward(function() return 1 end)\n" + body)
+            with self.subTest(name):
+                env, over = smartsurf.Env(path), False
+                _, info = env.reset(seed=1)
+                while not over:
+                    self.assertEqual(info["success"], name == "at the start")
+                    *_, terminated, truncated, info = env.step(0 * sampled(env.action_space, 1))
+                    over = terminated or truncated
+                self.assertIs(info["success"], success)
+                self.assertIs(copy.deepcopy(env).simulation.success, success)
+                for mode in ("NextStep", "SameStep"):
+                    envs, over = smartsurf.VectorEnv(path, 2, autoreset_mode=mode), False
+                    envs.reset(seed=1)
+                    while not over:
+                        *_, terminated, truncated, infos = envs.step(np.zeros(envs.action_space.shape, np.float32))
+                        over = (terminated | truncated).any()
+                    self.assertEqual(list(infos.get("final_info", infos)["success"]), [success] * 2)
 
     def test_episodes_are_recorded(self):
         folder = self.folder / "episodes"
@@ -841,6 +887,29 @@ class RecordedWorlds(ExperimentTest):
                 for path in sorted(folder.iterdir())[:4]:
                     verified = self.verify(path)
                     self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
+
+    def test_the_file_of_a_world_that_fails_names_the_error(self):
+        path = self.script(VERDICT_SCENE + """
+at(0.2, function() if random() < 0.5 then error('broken') end end)
+at(0.5, function() stop('reached', true) end)""")
+        for mode in ("NextStep", "SameStep"):
+            envs = smartsurf.VectorEnv(path, 8, record=self.folder / mode, autoreset_mode=mode)
+            envs.reset(seed=1)
+            ends = {}
+            for _ in range(40):
+                *_, infos = envs.step(np.zeros(envs.action_space.shape, np.float32))
+                final = infos.get("final_info", infos)
+                for i in np.flatnonzero(final.get("_error", np.zeros(8, bool))):
+                    ends.setdefault(i, "broken")
+                for i in np.flatnonzero(final.get("_metrics", np.zeros(8, bool))):
+                    ends.setdefault(i, "stopped by the script: reached")
+                    self.assertTrue(final["success"][i])
+            envs.close()
+            self.assertEqual(set(ends.values()), {"broken", "stopped by the script: reached"})
+            for world, end in ends.items():
+                text = subprocess.run([os.environ["SMARTSURF"], "info", self.folder / mode / f"world-{world:04}-episode-000001.h5"],
+                                      capture_output=True, text=True, check=True, timeout=60).stdout
+                self.assertRegex(text, f"outcome .*{end} after")
 
     def test_a_task_ends_its_recordings(self):
         class Brief(smartsurf.Task):

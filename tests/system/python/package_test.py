@@ -17,7 +17,7 @@ except ImportError:
     print("skipped: NumPy is not installed")
     sys.exit(77)
 import smartsurf
-from experiments import ACTUATORS, CROWD, NOISY, ROOT, TASK_OF_EACH_ACTUATOR, ExperimentTest
+from experiments import ACTUATORS, CROWD, NOISY, ROOT, TASK_OF_EACH_ACTUATOR, VERDICT_SCENE, VERDICTS, ExperimentTest
 
 # Boxes and cylinders fall on each other, on faces, edges and corners.
 HEAP = """
@@ -288,6 +288,31 @@ class Recordings(ExperimentTest):
     def verify(self, path):
         return subprocess.run([os.environ["SMARTSURF"], "replay", str(path), "--verify"], capture_output=True, text=True,
                               timeout=120)
+
+    def result(self, path):
+        """What `smartsurf info` says of the end: outcome and success, "" without one."""
+        text = subprocess.run([os.environ["SMARTSURF"], "info", str(path)], capture_output=True, text=True, check=True, timeout=60).stdout
+        lines = dict(line.split(None, 1) for line in text.splitlines() if line.startswith(("outcome", "success")))
+        return lines["outcome"], lines.get("success", "")
+
+    def test_the_end_of_an_episode_is_that_of_run(self):
+        for name, body, success in VERDICTS:
+            with self.subTest(name):
+                path = self.script(VERDICT_SCENE + body)
+                subprocess.run([os.environ["SMARTSURF"], "run", path, "--no-controller", "--until", "1", "--pace", "max", "--record",
+                                str(self.folder / "run.h5")], capture_output=True, timeout=60)
+                s, over = smartsurf.Simulation(path), False
+                s.record(self.folder / "python.h5")
+                try:
+                    while not over:
+                        _, terminated, truncated = s.step()
+                        over = truncated or (terminated and "stop" in body)  # run goes on after success()
+                    s.finish()
+                except smartsurf.Error as error:
+                    self.assertIn("error", body, error)
+                self.assertEqual(s.success, success)
+                s.stop_recording()
+                self.assertEqual(self.result(self.folder / "python.h5"), self.result(self.folder / "run.h5"))
 
     def test_a_recorded_episode_is_repeated_to_the_bit(self):
         for text in (CROWD, NOISY):

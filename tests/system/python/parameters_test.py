@@ -353,6 +353,19 @@ class Parameters(ExperimentTest):
             with self.assertRaisesRegex(ValueError, message):
                 smartsurf.VectorEnv(path, 3, set=wrong)
 
+    def test_a_range_of_a_float_option_is_drawn_as_floats(self):
+        path = self.script("surface { rows = 4, columns = 4, actuator = pin {} }\n"
+                           "option('mass', 1.0) option('size', 1.0, 'in u', {0.5, 3}) option('count', 1) option('stop', 'no')")
+        envs = smartsurf.VectorEnv(path, 60, threads=2, set={"mass": (0, 2), "size": (1, 2), "count": (0, 2)})
+        drawn = {name: [options[name] for options in envs.options] for name in ("mass", "size", "count")}
+        self.assertEqual(set(drawn["count"]), {"0", "1", "2"})
+        for name, low, high in (("mass", 0, 2), ("size", 1, 2)):
+            values = np.array(drawn[name], float)
+            self.assertEqual(len(set(values)), 60, name)
+            self.assertTrue((values >= low).all() and (values < high).all() and abs(values.mean() - (low + high) / 2) < 0.2, name)
+        with self.assertRaisesRegex(ValueError, "no option 'weight'"):
+            smartsurf.VectorEnv(path, 2, set={"weight": (0, 2)})
+
     def test_teleport_and_push_equal_those_of_the_script(self):
         base = self.script(scene())
         script = self.script(scene() + """

@@ -259,6 +259,21 @@ class Tasks(ExperimentTest):
         again = pickle.loads(pickle.dumps(env))
         self.assert_same(env.step(command(1, env.action_space.shape))[0], again.step(command(1, env.action_space.shape))[0])
 
+    def test_observations_of_one_number_are_arrays(self):
+        class Height(Sensed):
+            def observation(self, s):
+                return {"height": s.position()[:, 0, 2], "place": s.position()[:, 0]}
+
+        class Number(Sensed):
+            def observation(self, s):
+                return s.position()[:, 0, 2]
+        for task in (Height(), Number()):
+            env = task.make()
+            for observation in (env.reset(seed=1)[0], env.step(command(1, env.action_space.shape))[0]):
+                for value in observation.values() if isinstance(observation, dict) else [observation]:
+                    self.assertIsInstance(value, np.ndarray)
+                self.assertTrue(env.observation_space.contains(observation))
+
     def test_a_world_that_fails_is_quarantined(self):
         class Failing(Sensed):
             scene = SCENE + "local bad = false\n" \

@@ -1,9 +1,12 @@
 #include "smartsurf/record/OpenRecorder.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -414,6 +417,22 @@ TEST(RecorderErrors, DescribeInvalidPaths) {
   EXPECT_THROW(open_recorder(out / "slash.h5", run.meta, slash.spec)
                    ->record_frame(run.snapshot_at(0, {}), run.spec.objects, bad),
                InputError);
+}
+
+TEST(RecorderErrors, NameWhetherTheFileIsReadOrWritten) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  const auto lock = [&](int kind) {
+    const int file = ::open((out / "run.h5").c_str(), O_RDWR | O_CREAT, 0600);
+    EXPECT_EQ(::flock(file, kind | LOCK_NB), 0);
+    const std::string error = error_of(out / "run.h5", run);
+    ::close(file);
+    return error;
+  };
+  EXPECT_NE(lock(LOCK_SH).find("run.h5: is open for reading: close it or give another name"),
+            std::string::npos);
+  EXPECT_NE(lock(LOCK_EX).find("run.h5: another process is writing it: give another name"),
+            std::string::npos);
 }
 
 TEST(RecorderErrors, RefuseFileLockedByAnotherRun) {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <memory>
 #include <span>
+#include <tuple>
 
 #include "smartsurf/simulation/EnvironmentBatch.h"
 
@@ -322,6 +323,41 @@ metric('time', function(t) return t end)
     }
     environment.reset(7);
   }
+}
+
+TEST(EnvironmentVerdict, IsThatOfRunAndLiesInTheState) {
+  const auto end_of = [](const std::string& script) {
+    EnvironmentOptions options;
+    options.experiment = "verdict.lua";
+    options.source =
+        "surface { rows = 2, columns = 2 } world { control_period = 1/10, dt = 1/100 } episode { seconds = 1 "
+        "}\n" +
+        script;
+    Environment first(options), second(options);
+    try {
+      for (int step = 0; step < 6; ++step) first.step();
+      second.restore(first.save());
+      while (!second.step().truncated && second.outcome() == "done") {
+      }
+      second.finish();
+    } catch (const scene::InputError&) {
+    }
+    const Verdict verdict = second.verdict();
+    EXPECT_EQ(second.has_succeeded(), verdict.success == true);
+    return std::tuple(second.outcome(), verdict.success, verdict.success_s);
+  };
+  using End = std::tuple<std::string, std::optional<bool>, std::optional<double>>;
+  EXPECT_EQ(end_of(""), End("done", {}, {}));
+  EXPECT_EQ(end_of("success(function() return false end)"), End("done", false, {}));
+  EXPECT_EQ(end_of("success(function(t, tick) return tick == 0 end)"), End("done", true, 0.0));
+  EXPECT_EQ(end_of("success(function(t, tick) return tick == 3 and 0.25 end)"), End("done", true, 0.25));
+  EXPECT_EQ(end_of("at(0.15, function() stop('here', true) end)"),
+            End("stopped by the script: here", true, 7 * 0.1));
+  EXPECT_EQ(end_of("at(0.65, function() stop('here', true) end)"),
+            End("stopped by the script: here", true, 8 * 0.1));
+  EXPECT_EQ(end_of("at(0.65, function() stop() end)"), End("stopped by the script", {}, {}));
+  EXPECT_EQ(end_of("on_finish(function() metric('success', 1) end)"), End("done", true, 1.0));
+  EXPECT_EQ(end_of("at(0.65, function() error('broken', 0) end)"), End("verdict.lua:2: broken", {}, {}));
 }
 
 INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest,

@@ -1,0 +1,26 @@
+// How an episode ends, in the words of recordings and statistics.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "smartsurf/script/Experiment.h"
+#include "smartsurf/simulation/Simulation.h"
+
+namespace smartsurf::simulation {
+
+struct Verdict {
+  std::optional<bool> success;      // nullopt: the script does not say
+  std::optional<double> success_s;  // when the goal was reached; nullopt: it was not
+};
+
+// What success() said at any tick, else what stop() or the metric `success` says at the end.
+// reached_s: what success() returned when it first said so. stop_success: what stop() said. end_s: the time
+// of the last state.
+Verdict judge(const script::Experiment&, std::optional<double> reached_s, std::optional<bool> stop_success,
+              double end_s);
+
+// Of an episode that its script has stopped.
+std::string outcome_of(const ScriptRequests&);
+
+}  // namespace smartsurf::simulation
