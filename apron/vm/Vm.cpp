@@ -443,6 +443,10 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
                                      format_number(x) + ", row " + format_number(y) +
                                      " is outside a register of " +
                                      format_shape(get ? *decoded.planes[0] : *decoded.destination));
+  if (x != std::trunc(x) || y != std::trunc(y))
+    return fail(Status::kFailed, (get ? "pixel.get" : "pixel.set") + std::string(" at column ") +
+                                     format_number(x) + ", row " + format_number(y) +
+                                     ": columns and rows are whole numbers");
   const auto column = static_cast<std::uint32_t>(x), row = static_cast<std::uint32_t>(y);
   if (get) {
     *decoded.destination_variable = cell_value(*decoded.planes[0], column, row);
