@@ -40,9 +40,11 @@ std::uint32_t ProgramBuilder::add_register(std::string name, Shape shape) {
   if (program_.registers.size() >= program::kMaxRegisters) {
     fail(location_, "the program needs more than {} registers", program::kMaxRegisters);
   }
-  register_bytes_ += cells * program::cell_bytes(shape.type);
+  register_bytes_ += program::stored_bytes(shape.width, shape.height, shape.type);
   if (register_bytes_ > program::kMaxMemoryBytes) {
-    fail(location_, "the registers take more than {} bytes", program::kMaxMemoryBytes);
+    fail(location_, "the registers take more than {} bytes: a row of {} cell{} takes {}",
+         program::kMaxMemoryBytes, shape.width, shape.width == 1 ? "" : "s",
+         program::stored_row_bytes(shape.width, shape.type));
   }
   program_.registers.push_back({std::move(name), shape.width, shape.height, shape.type});
   return static_cast<std::uint32_t>(program_.registers.size() - 1);

@@ -114,7 +114,7 @@ class ProgramBuilder {
 
   program::Program program_;
   syntax::Location location_;
-  std::size_t register_bytes_ = 0;                          // bytes of all registers
+  std::uint64_t register_bytes_ = 0;                        // bytes of all registers
   std::map<std::uint64_t, std::uint32_t> literal_indices_;  // by the bits of the value
   std::map<std::string, std::uint32_t> text_indices_, file_indices_;
   std::map<Shape, std::vector<std::uint32_t>> free_registers_;

@@ -112,7 +112,8 @@ vm::Status DebugSession::count_tick(vm::Status status) {
 
 // A step continues across the end of a tick.
 vm::Status DebugSession::step_instruction() {
-  const vm::Status status = count_tick(vm_->run(1));
+  hit_.reset();
+  const vm::Status status = run_instruction();
   return status == vm::Status::kTick ? vm::Status::kRunning : status;
 }
 

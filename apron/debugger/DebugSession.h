@@ -78,7 +78,7 @@ class DebugSession {
   Breakpoints breakpoints_;
   std::vector<Breakpoint> breakpoint_list_;
   std::vector<program::Program> condition_programs_;
-  std::optional<std::size_t> hit_;  // the breakpoint that ended the last run or line step
+  std::optional<std::size_t> hit_;  // the breakpoint that ended the last run or step
   std::uint64_t ticks_ = 0;
   Probe probe_;
   ExecutionState state_ = ExecutionState::kPaused;

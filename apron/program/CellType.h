@@ -42,4 +42,14 @@ inline bool is_cell_value(CellType type, double value) noexcept {
          (value >= lowest_cell(type) && value <= highest_cell(type) && value == std::trunc(value));
 }
 
+inline constexpr std::uint32_t kVectorBytes = 64;  // of the widest vector
+// The memory of a register: a row takes whole vectors and one more, and two stand around all
+// (vm/PlaneStore.h).
+constexpr std::uint64_t stored_row_bytes(std::uint32_t width, CellType type) noexcept {
+  return (std::uint64_t{width} * cell_bytes(type) + 2 * kVectorBytes - 1) / kVectorBytes * kVectorBytes;
+}
+constexpr std::uint64_t stored_bytes(std::uint32_t width, std::uint32_t height, CellType type) noexcept {
+  return height * stored_row_bytes(width, type) + 2 * kVectorBytes;
+}
+
 }  // namespace apron::program

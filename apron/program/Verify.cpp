@@ -247,14 +247,14 @@ std::string verify_registers(const Program& program) {
   if (program.registers.size() > kMaxRegisters) {
     return fmt::format("the program has more than {} registers", kMaxRegisters);
   }
-  std::size_t memory = 0;
+  std::uint64_t memory = 0;
   for (const Register& reg : program.registers) {
     const std::uint64_t cells = std::uint64_t{reg.width} * reg.height;
     if (cells == 0) return fmt::format("register '{}' has no cells", reg.name);
     if (cells > kMaxCells) return fmt::format("register '{}' has more than {} cells", reg.name, kMaxCells);
     if (index_of(reg.type) >= kCellTypeCount)
       return fmt::format("register '{}' has cells of an unknown type", reg.name);
-    memory += cells * cell_bytes(reg.type);
+    memory += stored_bytes(reg.width, reg.height, reg.type);
   }
   return memory > kMaxMemoryBytes ? fmt::format("the registers take more than {} bytes", kMaxMemoryBytes)
                                   : "";

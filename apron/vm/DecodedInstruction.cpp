@@ -74,12 +74,6 @@ struct Decoder {
 
 }  // namespace
 
-std::int64_t to_offset(double offset) noexcept {
-  constexpr double kFar = 1e9;  // larger than any array, and does not overflow in index arithmetic
-  return offset >= -kFar && offset <= kFar ? static_cast<std::int64_t>(offset)
-                                           : static_cast<std::int64_t>(kFar);
-}
-
 bool is_conditional_jump(Opcode op) noexcept { return op >= Opcode::kJumpLt && op <= Opcode::kUnlessGe; }
 
 bool is_branch_taken(Opcode op, double a, double b) noexcept {
@@ -118,7 +112,8 @@ DecodedInstruction decode(const program::Program& program, const program::Instru
     decoded.has_variable_offset = instruction.operands[1].kind == OperandKind::kVariable ||
                                   instruction.operands[2].kind == OperandKind::kVariable;
     if (!decoded.has_variable_offset)
-      decoded.offset = {to_offset(*decoded.scalars[1]), to_offset(*decoded.scalars[2])};
+      decoded.offset = {static_cast<std::int64_t>(*decoded.scalars[1]),
+                        static_cast<std::int64_t>(*decoded.scalars[2])};
   }
   if (decoded.op == Opcode::kBoundary)
     decoded.boundary.rule = static_cast<program::BoundaryRule>(*decoded.scalars[0]);

@@ -61,9 +61,6 @@ bool is_conditional_jump(program::Opcode op) noexcept;
 // True if the conditional jump `op` with operands a and b is taken.
 bool is_branch_taken(program::Opcode op, double a, double b) noexcept;
 
-// The offset of a shift in cells, limited to what is beyond any array.
-std::int64_t to_offset(double offset) noexcept;
-
 // The result refers to the program, the register file and the kernel table, which must outlive it and whose
 // vectors must not be resized.
 DecodedInstruction decode(const program::Program&, const program::Instruction&, RegisterFile&,

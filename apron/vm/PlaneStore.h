@@ -11,8 +11,8 @@
 
 namespace apron::vm {
 
-inline constexpr std::uint32_t kVectorBytes = 64;  // of the widest vector; unit of padding
-inline constexpr std::uint32_t kLanes = 16;        // floats in it
+inline constexpr std::uint32_t kVectorBytes = program::kVectorBytes;  // unit of padding
+inline constexpr std::uint32_t kLanes = 16;                           // floats in it
 // Cells in the widest vector.
 constexpr std::uint32_t lanes(CellType type) noexcept {
   return kVectorBytes / static_cast<std::uint32_t>(program::cell_bytes(type));

@@ -333,19 +333,21 @@ Status Vm::execute_shift(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0};
+  const BoundaryCondition boundary = decoded.op == Opcode::kRotate ? wrap : boundary_;
   Offset offset = decoded.offset;
   if (decoded.has_variable_offset) {
     const double dx = *decoded.scalars[1], dy = *decoded.scalars[2];
-    if (dx != std::trunc(dx) || dy != std::trunc(dy))
+    const auto is_whole = [](double d) { return std::isfinite(d) && d == std::trunc(d); };
+    if (!is_whole(dx) || !is_whole(dy))
       return fail(Status::kFailed, "the distance of a shift is a whole number, not " +
-                                       std::string(format_number(std::fabs(dx != std::trunc(dx) ? dx : dy))));
-    offset = {to_offset(dx), to_offset(dy)};
+                                       std::string(format_number(std::fabs(is_whole(dx) ? dy : dx))));
+    offset = {equivalent_distance(dx, decoded.destination->width, boundary.rule),
+              equivalent_distance(dy, decoded.destination->height, boundary.rule)};
   }
   if (decoded.op == Opcode::kShift && !has_boundary_value(decoded.type))
     return fail_cell_value(boundary_.value, decoded.type);
-  const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0};
-  shift(executor_, *decoded.destination, *decoded.planes[0], offset,
-        decoded.op == Opcode::kRotate ? wrap : boundary_, mask);
+  shift(executor_, *decoded.destination, *decoded.planes[0], offset, boundary, mask);
   return Status::kRunning;
 }
 
@@ -441,6 +443,10 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
                                      format_number(x) + ", row " + format_number(y) +
                                      " is outside a register of " +
                                      format_shape(get ? *decoded.planes[0] : *decoded.destination));
+  if (x != std::trunc(x) || y != std::trunc(y))
+    return fail(Status::kFailed, (get ? "pixel.get" : "pixel.set") + std::string(" at column ") +
+                                     format_number(x) + ", row " + format_number(y) +
+                                     ": columns and rows are whole numbers");
   const auto column = static_cast<std::uint32_t>(x), row = static_cast<std::uint32_t>(y);
   if (get) {
     *decoded.destination_variable = cell_value(*decoded.planes[0], column, row);

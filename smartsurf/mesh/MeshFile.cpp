@@ -4,16 +4,20 @@
 #include <assimp/scene.h>
 
 #include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <algorithm>
 #include <assimp/Importer.hpp>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <fstream>
+#include <string_view>
 #include <system_error>
 
 #include "common/files/Inputs.h"
 #include "common/process/ChildWork.h"
 #include "common/text/Words.h"
+#include "smartsurf/mesh/GltfCheck.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::mesh {
@@ -30,28 +34,66 @@ constexpr const char* kNeedsMemory = "needs more memory than a reader of meshes 
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
+constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+
+// Of texts; the importer of OBJ would take the mark for a part of the first word.
+bool has_byte_order_mark(const fs::path& file) {
+  std::string start(kByteOrderMark.size(), '\0');
+  std::ifstream(file, std::ios::binary).read(start.data(), static_cast<std::streamsize>(start.size()));
+  return start == kByteOrderMark;
+}
+
 // Restricts files that a mesh refers to (materials, buffers) to its folder, after resolving symbolic links.
+// Leaves out the mesh's byte-order mark, and takes references of glTF for percent-encoded URIs.
 class FolderIoSystem final : public Assimp::DefaultIOSystem {
  public:
-  explicit FolderIoSystem(fs::path folder) : folder_(std::move(folder)) {}
-  bool Exists(const char* file) const override { return is_allowed(file) && DefaultIOSystem::Exists(file); }
-  Assimp::IOStream* Open(const char* file, const char* mode) override {
-    if (outside_.empty() && !is_inside(file)) outside_ = file;
-    return is_allowed(file) && mode[0] == 'r' ? DefaultIOSystem::Open(file, mode) : nullptr;
+  explicit FolderIoSystem(const fs::path& mesh)
+      : mesh_(mesh.string()),
+        folder_(fs::weakly_canonical(mesh).parent_path()),
+        has_byte_order_mark_(has_byte_order_mark(mesh)),
+        refers_by_uri_(common::lower_case(mesh.extension().string()) == ".gltf" ||
+                       common::lower_case(mesh.extension().string()) == ".glb") {}
+  bool Exists(const char* reference) const override {
+    const std::string file = file_of(reference);
+    return is_allowed(file) && DefaultIOSystem::Exists(file.c_str());
+  }
+  Assimp::IOStream* Open(const char* reference, const char* mode) override {
+    const std::string file = file_of(reference);
+    if (outside_.empty() && !is_inside(file)) outside_ = reference;
+    if (!is_allowed(file) || mode[0] != 'r') return nullptr;
+    return file == mesh_ && has_byte_order_mark_ ? open_behind_mark()
+                                                 : DefaultIOSystem::Open(file.c_str(), mode);
   }
   // The first file outside of the folder that was asked for, or "". The importer then tries its base name.
   const std::string& outside() const { return outside_; }
 
  private:
-  bool is_inside(const char* file) const {
+  bool is_inside(const std::string& file) const {
     std::error_code error;
     return fs::weakly_canonical(file, error).parent_path() == folder_ && !error;
   }
-  bool is_allowed(const char* file) const {
+  bool is_allowed(const std::string& file) const {
     std::error_code error;
     return is_inside(file) && fs::is_regular_file(file, error);
   }
+  // A file whose name is as the reference goes before that of the decoded one.
+  std::string file_of(const std::string& reference) const {
+    const std::string start = mesh_.substr(0, mesh_.rfind('/') + 1);
+    if (!refers_by_uri_ || !reference.starts_with(start) || is_allowed(reference)) return reference;
+    return start + decode_uri(reference.substr(start.size()));
+  }
+  Assimp::IOStream* open_behind_mark() const {
+    std::ifstream in(mesh_, std::ios::binary);
+    in.seekg(kByteOrderMark.size());
+    const std::string text(std::istreambuf_iterator<char>(in), {});
+    auto* const bytes = new std::uint8_t[text.size()];
+    std::memcpy(bytes, text.data(), text.size());
+    return new Assimp::MemoryIOStream(bytes, text.size(), true);
+  }
+
+  std::string mesh_;
   fs::path folder_;
+  bool has_byte_order_mark_, refers_by_uri_;
   std::string outside_;
 };
 
@@ -77,6 +119,7 @@ void check_header(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   in.read(start.data(), static_cast<std::streamsize>(start.size()));
   start.resize(in.gcount());
+  if (start.starts_with(kByteOrderMark)) start.erase(0, kByteOrderMark.size());
   if (start.starts_with("ply") && start.find("end_header\n") == start.npos &&
       start.find("end_header\r") == start.npos)
     refuse("is damaged: its header has no end");
@@ -123,8 +166,9 @@ void check_references(const fs::path& file, std::string outside) {
 }
 
 TriangleMesh import_mesh(const fs::path& file) {
+  check_gltf(file);
   Assimp::Importer importer;
-  auto* const files = new FolderIoSystem(fs::weakly_canonical(file).parent_path());
+  auto* const files = new FolderIoSystem(file);
   importer.SetIOHandler(files);  // takes ownership
   // Keep only positions; other attributes would split points that have several normals or texture
   // coordinates.

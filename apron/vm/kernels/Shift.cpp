@@ -1,6 +1,7 @@
 #include "apron/vm/kernels/Shift.h"
 
 #include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 #include "apron/vm/PlaneStore.h"
@@ -113,6 +114,14 @@ std::int64_t resolve_boundary_index(std::int64_t i, std::int64_t n, BoundaryRule
       break;
   }
   return kOutside;
+}
+
+std::int64_t equivalent_distance(double distance, std::int64_t n, BoundaryRule rule) noexcept {
+  const auto cells = static_cast<double>(n);
+  if (rule == BoundaryRule::kWrap) return static_cast<std::int64_t>(std::fmod(distance, cells));
+  if (rule == BoundaryRule::kReflect)
+    return n == 1 ? 0 : static_cast<std::int64_t>(std::fmod(distance, 2.0 * (cells - 1.0)));
+  return static_cast<std::int64_t>(std::clamp(distance, -cells, cells));
 }
 
 void shift(Executor& executor, Plane y, ConstPlane a, Offset offset, BoundaryCondition boundary,

@@ -23,6 +23,10 @@ struct Offset {
 inline constexpr std::int64_t kOutside = -1;
 std::int64_t resolve_boundary_index(std::int64_t i, std::int64_t n, program::BoundaryRule rule) noexcept;
 
+// A distance, limited to the axis' cells or its period, that moves the axis as the whole number `distance`
+// does.
+std::int64_t equivalent_distance(double distance, std::int64_t n, program::BoundaryRule rule) noexcept;
+
 // y(x, row) = a(x - dx, row - dy). Indices beyond the edge follow the boundary rule, for columns and rows
 // separately: replicate reads the edge cell, wrap the opposite side, reflect the mirror image about the edge
 // cell (which is not repeated), zero and value a constant, which is one of the cells' type. y and a have the

@@ -102,6 +102,12 @@ class Debug(unittest.TestCase):
         self.assertIn("  in a routine, 1 calls deep", out)
         self.assertEqual(self.lines(out)[-2:], [19, 14])
 
+    def test_steps_of_instructions_report_the_breakpoints_that_they_reach(self):
+        for breakpoint, stops in (("b 11", [11, 11]), ("break if n == 2", [11]), ("break change n", [11, 11]), ("break tick 1", [15])):
+            out = self.debug(breakpoint, *["stepi"] * 20, "p n")
+            self.assertEqual(out[-1], "n = 2")
+            self.assertEqual([int(at.split(":")[1]) for hit, at in zip(out, out[1:]) if hit == "breakpoint 1"], stops, breakpoint)
+
     def test_ticks_conditions_and_restart(self):
         out = self.debug("break tick 3", "c", "print n", "restart", "print n", "break if n == 2", "delete 1", "c", "print n", "breakpoints")
         self.assertEqual([line for line in out if line.startswith("n = ")], ["n = 3", "n = 0", "n = 2"])

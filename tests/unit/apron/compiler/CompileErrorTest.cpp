@@ -101,6 +101,8 @@ constexpr Wrong kWrong[] = {
      "main.aps:2:20: error: the distance of a shift must be a whole number, not 0.5"},
     {"!register(A)|A = rotate.west(A, 1000000000)",
      "main.aps:2:20: error: the distance of a shift must be from -1000000 to 1000000, not 1000000000"},
+    {"!create('A', REGISTER, 1, 67108864)|r[A] = 1",
+     "main.aps:1:9: error: the registers take more than 8589934592 bytes: a row of 1 cell takes 128"},
     {"!register(A)|A = shift.north(A, A)",
      "main.aps:2:20: error: the distance of a shift takes a scalar, and this is a register"},
     {"!register(A)|A = shift.north(3)",

@@ -116,6 +116,41 @@ TEST_F(DebugSessionTest, StopsAtLineInEachIteration) {
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 
+TEST_F(DebugSessionTest, StepsOfInstructionsReportTheBreakpointsThatTheyReach) {
+  start(kCounting);
+  const auto hits = [&](Breakpoint breakpoint) {
+    session->reset();
+    std::vector<program::Program> conditions;
+    if (breakpoint.kind == Breakpoint::Kind::kCondition)
+      conditions.push_back(compile_condition(breakpoint.condition, code.program));
+    session->set_breakpoints({std::move(breakpoint)}, std::move(conditions));
+    std::vector<std::string> stops;
+    for (int i = 0; i < 40 && session->ticks() < 3; ++i) {
+      session->step(StepUnit::kInstruction);
+      advance();
+      EXPECT_EQ(session->state(), ExecutionState::kPaused);
+      if (capture().hit)
+        stops.push_back("line " + std::to_string(line()) + ", count " +
+                        std::to_string(int(variable("count"))));
+    }
+    return stops;
+  };
+  Breakpoint breakpoint;
+  breakpoint.file = "main.aps";
+  breakpoint.line = 6;
+  EXPECT_EQ(hits(breakpoint),
+            (std::vector<std::string>{"line 6, count 1", "line 6, count 2", "line 6, count 3"}));
+  breakpoint.kind = Breakpoint::Kind::kCondition;
+  breakpoint.condition = "count == 2";
+  EXPECT_EQ(hits(breakpoint).size(), 1U);
+  breakpoint.condition = "count";
+  breakpoint.on_change = true;
+  EXPECT_EQ(hits(breakpoint).size(), 3U);
+  breakpoint.kind = Breakpoint::Kind::kTick;
+  breakpoint.tick = 2;
+  EXPECT_EQ(hits(breakpoint).size(), 1U);
+}
+
 TEST_F(DebugSessionTest, StopsAtTick) {
   start(kCounting);
   Breakpoint one;

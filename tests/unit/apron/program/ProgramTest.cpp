@@ -100,6 +100,9 @@ TEST(Verify, RejectsInvalidPrograms) {
   EXPECT_EQ(verify(program), "register 'B' has more than 67108864 cells");
   program.registers.assign(40, {"B", 1U << 13U, 1U << 13U});
   EXPECT_EQ(verify(program), "the registers take more than 8589934592 bytes");
+  program.registers.assign(1, {"B", 1, 1U << 26U});
+  EXPECT_EQ(verify(program), "the registers take more than 8589934592 bytes")
+      << "rows of a cell take 128 bytes";
   program = with({make(Opcode::kNop)});
   program.code[0].source_location = 3;
   EXPECT_EQ(verify(program), "instruction 0 (nop): its source is out of range");

@@ -2,6 +2,10 @@
 // array.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+#include <numeric>
+
 #include "TestProgram.h"
 
 namespace apron::vm::test {
@@ -101,6 +105,68 @@ TEST(Shift, MultithreadedMatchesReference) {
     for (const int dy : {-3, 0, 4}) {
       check({Opcode::kShift, size, 1, dy, BoundaryRule::kReflect, true}, kernel_tables().front(), 3, rng);
       check({Opcode::kShift, size, 1, dy, BoundaryRule::kZero, false}, kernel_tables().front(), 2, rng);
+    }
+}
+
+// `moved` is that of a near distance with the same result.
+TEST(Shift, FarRunTimeDistancesMoveAsNearOnesDo) {
+  constexpr int kColumns = 5, kRows = 3;
+  struct Far {
+    Opcode op;
+    BoundaryRule rule;
+    double distance;
+    int columns, rows;  // the near distances along a row and along a column
+  };
+  const Far cases[] = {
+      {Opcode::kShift, BoundaryRule::kReplicate, -2e9, -kColumns, -kRows},
+      {Opcode::kShift, BoundaryRule::kReplicate, 2e9, kColumns, kRows},
+      {Opcode::kShift, BoundaryRule::kZero, -1e30, -kColumns, -kRows},
+      {Opcode::kShift, BoundaryRule::kValue, 1e30, kColumns, kRows},
+      {Opcode::kRotate, BoundaryRule::kZero, 1000000003.0, 3, 1},
+      {Opcode::kRotate, BoundaryRule::kZero, -1000000003.0, -3, -1},
+      {Opcode::kShift, BoundaryRule::kWrap, 9007199254740991.0, 1, 1},
+      {Opcode::kShift, BoundaryRule::kReflect, 4000000002.0, 2, 2},  // periods 8 and 4
+      {Opcode::kShift, BoundaryRule::kReflect, -4000000007.0, -7, -3},
+  };
+  for (const NamedKernelTable& target : kernel_tables())
+    for (const Far& far : cases)
+      for (const bool along_row : {true, false}) {
+        TestProgram b;
+        const Operand near = b.reg(kColumns, kRows), moved = b.reg(kColumns, kRows),
+                      a = b.reg(kColumns, kRows), distance = b.var();
+        const float columns = along_row ? static_cast<float>(far.columns) : 0.0F,
+                    rows = along_row ? 0.0F : static_cast<float>(far.rows);
+        b.add(Opcode::kBoundary, {}, b.lit(static_cast<float>(far.rule)), b.lit(7));
+        b.add(far.op, near, a, b.lit(columns), b.lit(rows));
+        b.add(far.op, moved, a, along_row ? distance : b.lit(0), along_row ? b.lit(0) : distance);
+        FakeHost host;
+        VmOptions options;
+        options.kernels = target.table;
+        Vm vm(b.finish(), options, host);
+        Cells image(kColumns * kRows);
+        std::iota(image.begin(), image.end(), 1.0F);
+        write_cells(vm.plane(a.index), image);
+        vm.variable(distance.index) = far.distance;
+        ASSERT_EQ(vm.run(), Status::kEnded);
+        EXPECT_EQ(read_cells(vm.plane(moved.index)), read_cells(vm.plane(near.index)))
+            << target.name << " rule " << static_cast<int>(far.rule) << " by " << far.distance;
+      }
+}
+
+TEST(Shift, RefusesRunTimeDistancesThatAreNotWhole) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const Opcode op : {Opcode::kShift, Opcode::kRotate})
+    for (const auto& [distance, text] :
+         {std::pair{infinity, "inf"}, {-infinity, "inf"}, {std::nan(""), "nan"}, {-1.5, "1.5"}}) {
+      TestProgram b;
+      const Operand y = b.reg(3, 3), a = b.reg(3, 3), far = b.var();
+      b.add(op, y, a, b.lit(0), far);
+      FakeHost host;
+      Vm vm(b.finish(), {}, host);
+      vm.variable(far.index) = distance;
+      EXPECT_EQ(vm.run(), Status::kFailed);
+      EXPECT_EQ(vm.error(),
+                std::string("test.aps:1: error: the distance of a shift is a whole number, not ") + text);
     }
 }
 

@@ -177,8 +177,77 @@ TEST_F(MeshFileTest, RefusesReferencesOutOfTheFolder) {
     EXPECT_EQ(error_message_of([&] { read_mesh(file); }),
               "refers to '" + uri + "', which is not in the mesh's folder");
   }
+  for (const std::string& uri :
+       {std::string("%2e%2e%2fpart.bin"), std::string("%2E%2E/part.bin"), std::string("other%2Fpart.bin"),
+        "%2F" + (folder / "part.bin").string().substr(1), std::string("file%3a%2f%2f/part.bin")}) {
+    fs::create_directories(folder / "inner");
+    const fs::path file = write("inner/moved.gltf", std::string(text).replace(at, 8, uri));
+    fs::create_directories(folder / "inner" / "other");
+    fs::copy(folder / "part.bin", folder / "inner" / "other", fs::copy_options::overwrite_existing);
+    EXPECT_EQ(error_message_of([&] { read_mesh(file); }),
+              "refers to '" + uri + "', which is not in the mesh's folder");
+  }
   const std::string faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
   EXPECT_EQ(read_mesh(write("m.obj", "mtllib ../m.mtl\n" + faces)).triangles.size(), 4U);
+}
+
+TEST_F(MeshFileTest, DecodesUrisOfGltf) {
+  const std::string text = bytes_of(export_mesh(tetrahedron(), "gltf2", "part.gltf"));
+  const std::size_t at = text.find("part.bin");
+  const auto read_with = [&](const std::string& name, const std::string& uri) {
+    fs::copy(folder / "part.bin", folder / name, fs::copy_options::overwrite_existing);
+    return read_mesh(write("moved 100%41.gltf", std::string(text).replace(at, 8, uri))).triangles.size();
+  };
+  EXPECT_EQ(read_with("the part.bin", "the%20part.bin"), 4U);
+  EXPECT_EQ(read_with("the part.bin", "the part.bin"), 4U);
+  EXPECT_EQ(read_with("1%2.bin", "1%252%2Ebin"), 4U);
+  EXPECT_EQ(read_with("100%", "100%"), 4U);
+  EXPECT_EQ(read_with("M\xC3\xBCll", "M%C3%BCll"), 4U);
+  EXPECT_EQ(read_with("literal%20.bin", "literal%20.bin"), 4U);
+}
+
+TEST_F(MeshFileTest, RefusesGltfThatItWouldMisread) {
+  const std::string text = bytes_of(export_mesh(tetrahedron(), "gltf2", "part.gltf"));
+  const auto refused = [&](const std::string& changed) {
+    return error_message_of([&] { read_mesh(write("part.gltf", changed)); });
+  };
+  const auto requiring = [&](const std::string& extension) {
+    return R"({"extensionsRequired": [")" + extension + "\"]," + text.substr(text.find('{') + 1);
+  };
+  EXPECT_EQ(refused(requiring("EXT_meshopt_compression")),
+            "needs the glTF extension EXT_meshopt_compression, which is not supported: export it without");
+  for (const char* extension : {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual",
+                                "KHR_mesh_quantization", "KHR_draco_mesh_compression"})
+    EXPECT_EQ(refused(requiring(extension)), "") << extension;
+  std::string quantized = text;
+  const std::size_t positions = quantized.find("5126");
+  ASSERT_NE(positions, text.npos);
+  quantized.replace(positions, 4, "5122");
+  const std::string message =
+      "has positions that are not 32-bit floats: export it without quantization (KHR_mesh_quantization)";
+  EXPECT_EQ(refused(quantized), message);
+
+  std::string binary = bytes_of(export_mesh(tetrahedron(), "glb2", "part.glb"));
+  binary.replace(binary.find("5126"), 4, "5123");
+  EXPECT_EQ(error_message_of([&] { read_mesh(write("part.glb", binary)); }), message);
+}
+
+TEST_F(MeshFileTest, LeavesOutByteOrderMark) {
+  const std::string mark = "\xEF\xBB\xBF";
+  for (const auto& [format, name] : std::map<std::string, std::string>{
+           {"stl", "a.stl"}, {"obj", "b.obj"}, {"ply", "c.ply"}, {"plyb", "d.ply"}, {"gltf2", "e.gltf"}}) {
+    SCOPED_TRACE(name);
+    const fs::path file = export_mesh(tetrahedron(), format, name);
+    const TriangleMesh plain = read_mesh(file);
+    const TriangleMesh marked = read_mesh(write(name, mark + bytes_of(file)));
+    EXPECT_EQ(marked.points, plain.points);
+    EXPECT_EQ(marked.triangles, plain.triangles);
+  }
+  const std::string faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  EXPECT_EQ(read_mesh(write("f.obj", mark + faces)).triangles.size(), 4U);
+  EXPECT_EQ(error_message_of(
+                [&] { read_mesh(write("h.ply", mark + "ply\nformat ascii 1.0\nelement vertex 9\n")); }),
+            "is damaged: its header has no end");
 }
 
 }  // namespace
