@@ -473,20 +473,26 @@ void NativeEngine::write_tip_impulses() {
   sleep_.contacts().for_each_static(add_loads);
 }
 
-// The friction of a step is taken as in write_tip_impulses().
+// The friction of a step on a kinematic skin is taken as in write_tip_impulses().
 void NativeEngine::write_skin_impulses() {
   std::vector<float>& impulse = scene_field_.skin.impulse;
   std::ranges::fill(impulse, 0.0F);
   const auto substeps = static_cast<float>(settings_.substeps);
-  const auto add_load = [&](const surface::Skin::Location& at, const Contact& c) {
-    const float load = c.total_normal_impulse * c.normal.z() + substeps * c.friction_impulse.z();
+  const auto add_load = [&](const surface::Skin::Location& at, float load) {
     for (int i = 0; i < 3; ++i) impulse[at.node[i]] += unit_.to_scene(at.weight[i] * load);
   };
-  for (const SkinPoint& p : skin_points_)
-    if (!bodies_.asleep[p.body]) add_load(p.at, static_contacts_.contacts[p.contact]);
+  const auto load_of = [substeps](const Contact& c) {
+    return c.total_normal_impulse * c.normal.z() + substeps * c.friction_impulse.z();
+  };
+  for (std::size_t i = 0; i < skin_points_.size(); ++i) {
+    const SkinPoint& p = skin_points_[i];
+    if (bodies_.asleep[p.body]) continue;
+    add_load(p.at, field_.skin.is_elastic ? elastic_skin_.impulse_on_body(i)
+                                          : load_of(static_contacts_.contacts[p.contact]));
+  }
   sleep_.contacts().for_each_static([&](const Manifold& m, std::span<const Contact> contacts) {
     for (const Contact& c : contacts)
-      if (c.touches_skin()) add_load(location_on_skin(m, c), c);
+      if (c.touches_skin()) add_load(location_on_skin(m, c), load_of(c));
   });
 }
 

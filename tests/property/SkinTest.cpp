@@ -422,3 +422,122 @@ TEST_P(ElasticSkin, SwingsAsDampedMembrane) {
     EXPECT_NEAR(swing.decrement() / swing.period_s(), decay, 0.03 * decay + 1e-3);
   }
 }
+
+namespace {
+
+double draw(std::mt19937& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+// A body of a random kind, upright, its lowest point at `low`.
+scene::ObjectSpec random_body(std::mt19937& random, unsigned kind, double x, double y, double low) {
+  const double r = draw(random, 0.6, 1.0), h = draw(random, 0.6, 1.2);
+  switch (kind % 4) {
+    case 0:
+      return cylinder(r, h, {x, y, low + h / 2});
+    case 1:
+      return box({2 * r, 1.6 * r, h}, {x, y, low + h / 2});
+    case 2:
+      return sphere(r, {x, y, low + r});
+    default:
+      return cone(r, h, {x, y, low + h / 4});
+  }
+}
+
+// An elastic skin that is clamped 2 u above the pins' tops.
+void set_trampoline(PhysicsFixture& fixture, int side) {
+  scene::SkinSpec skin = elastic(100, 0.02);
+  skin.edge = scene::SkinSpec::Edge::kClamped;
+  skin.edge_height = 2.0;
+  skin.damping = 5;
+  set_skin(fixture, {side, side, 0.8, 0.8, level, skin});
+}
+
+}  // namespace
+
+TEST(SkinRest, DepthIsThatOfAnyStep) {
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    std::vector<double> depths;
+    for (const double dt_s : {1.0 / 60, 1.0 / 240, 1.0 / 960}) {
+      if (seed > 0 && dt_s < 2e-3) continue;
+      SCOPED_TRACE(testing::Message() << seed << ", " << dt_s << " s");
+      std::mt19937 random(seed);
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = dt_s;
+      fixture.scene.materials[0].rolling_friction = 0.03;
+      set_trampoline(fixture, 6);
+      auto body = random_body(random, seed, 2.5, 2.5, 2.0);
+      body.mass = draw(random, 0.5, 3);
+      const auto id = fixture.add(body);
+      fixture.run(4.0);
+      const double weight = kGravity * *body.mass;
+      double load = 0.0, squared_speed = 0.0;
+      int steps = 0;
+      fixture.run(0.5, [&] {
+        load += load_on(fixture), squared_speed += std::pow(fixture.velocity(id).z(), 2);
+        ++steps;
+      });
+      EXPECT_NEAR(load / steps, weight, 0.01 * weight);
+      EXPECT_LT(std::sqrt(squared_speed / steps), 0.01);
+      depths.push_back(body.position.z() - static_cast<double>(fixture.position(id).z()));
+    }
+    const auto [least, greatest] = std::ranges::minmax(depths);
+    EXPECT_GT(least, 0.02) << seed;
+    EXPECT_LT(greatest - least, 0.15 * greatest) << seed;
+  }
+}
+
+TEST_P(ElasticSkin, HeavyBodiesStayAboveThePins) {
+  for (unsigned seed = 0; seed < (GetParam() < 2e-3 ? 1U : 8U); ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    set_trampoline(fixture, 8);
+    auto body =
+        random_body(random, seed, draw(random, 2.5, 4.5), draw(random, 2.5, 4.5), 2.0 + draw(random, 0, 8));
+    body.mass = draw(random, 10, 40);
+    const auto id = fixture.add(body);
+    float lowest = 10.0F;
+    fixture.run(2.0, [&] { lowest = std::min(lowest, fixture.position(id).z()); });
+    EXPECT_GT(lowest, 0.1F);  // of the centre
+  }
+}
+
+TEST_P(Skin, MovingTerrainKeepsBodiesAbove) {
+  if (GetParam() < 2e-3) GTEST_SKIP() << "the coarser steps are the harder ones";
+  constexpr int kSide = 11, kMoves = 12;
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    scene::SkinSpec skin{.margin = 1.0};
+    if (seed % 2 == 1) skin = elastic(1000, 0.1), skin.margin = 1.0, skin.attached = true;
+    set_skin(fixture, {kSide, kSide, 0.8, 0.8, level, skin});
+    std::vector<scene::ObjectId> ids;
+    for (unsigned i = 0; i < 9; ++i)
+      ids.push_back(
+          fixture.add(random_body(random, i + seed / 2, 2.5 + 2.5 * (i % 3), 2.5 + 2.5 * (i / 3), 3.0)));
+    float deepest = 0.0F;
+    for (int move = 0; move < kMoves; ++move) {
+      double x[3], y[3], phase[3];
+      for (int k = 0; k < 3; ++k)
+        x[k] = draw(random, -0.9, 0.9), y[k] = draw(random, -0.9, 0.9), phase[k] = draw(random, 0, 2 * M_PI);
+      for (int r = 0; r < kSide; ++r)
+        for (int c = 0; c < kSide; ++c) {
+          double z = -8.5;
+          for (int k = 0; k < 3; ++k) z += 1.4 / 3 * std::sin(x[k] * c + y[k] * r + phase[k]);
+          fixture.cells().set_target(0, r, c, static_cast<float>(z));
+        }
+      fixture.run(2.0 / 3, [&] {
+        for (const auto id : ids) {
+          const Eigen::Vector3f p = fixture.position(id);
+          if (std::min(p.x(), p.y()) > 0.6F && std::max(p.x(), p.y()) < kSide - 1.6F)
+            deepest = std::max(deepest, height_at(fixture, p.x(), p.y()) - p.z());
+        }
+      });
+    }
+    EXPECT_LT(deepest, 0.02F);  // the centres are in the bodies
+  }
+}

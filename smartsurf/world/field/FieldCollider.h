@@ -38,6 +38,9 @@ class FieldCollider {
   float min_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
 
  private:
+  void collide_with_pin_below(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
+                              std::vector<Contact>& out) const;
+
   const surface::Field& field_;
   std::unique_ptr<FreeLayoutField> free_layout_;
 };

@@ -170,6 +170,7 @@ void SkinSolver::relax(const PointStep& step) {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     solve_point(i, points_[i].relax_target_speed, step);
     points_[i].total_normal_impulse += points_[i].normal_impulse;
+    points_[i].on_body += points_[i].impulse().z();
   }
 }
 

@@ -42,6 +42,9 @@ class SkinSolver {
   void relax(const PointStep&);
   void store(ContactList& static_contacts) const;
 
+  // The vertical impulse of the step on the body at the i-th contact with the skin in the list of collect().
+  float impulse_on_body(std::size_t i) const { return points_[i].on_body; }
+
   // Moves the nodes at the end of the step.
   void advance(surface::Skin&);
 
@@ -51,6 +54,7 @@ class SkinSolver {
     float speed, free_speed;  // of the skin there, upward, and without loads, u/s
     float moved = 0.0F;       // of the skin there, in this step, u
     float load = 0.0F;        // downward impulse of the step on the skin, mass·u/s
+    float on_body = 0.0F;     // upward impulse of the step on the body, without that of the push-out
   };
   struct Neighbour {
     std::size_t node;
