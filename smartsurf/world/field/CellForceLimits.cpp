@@ -116,17 +116,17 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       if (room < -kYieldingOverlap)
         field.speed[cell] =
             std::min(field.speed[cell], std::max(kResolvedPerStep * room / dt_s, -kMaxRetreatSpeed));
-      if (body_load_[cell] < kYieldingLoad * capacity_of(body) ||
-          load_[cell] < kYieldingLoad * capacity_[cell])
-        return;
       const DeltaPose& shift = bodies.delta_pose[m.a];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
+      const float following =
+          ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) / (c.normal.z() * dt_s);
+      const bool yields = body_load_[cell] >= kYieldingLoad * capacity_of(body) &&
+                          load_[cell] >= kYieldingLoad * capacity_[cell];
       const float motor_speed =
           field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));
-      field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
-      field.speed[cell] =
-          std::min(field.speed[cell], ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) /
-                                          (c.normal.z() * dt_s));
+      if (yields) field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
+      // A cell does not rise into its load, whose other cells may bear all that it needs.
+      field.speed[cell] = std::min(field.speed[cell], yields ? following : std::max(following, 0.0F));
     });
     for_each_limited(field, static_contacts, m,
                      [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });

@@ -44,7 +44,7 @@ class CellForceLimits {
   std::span<CellImpulseLimit> limits() { return limits_; }
 
   // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each cell that gives all
-  // that it can to the velocity of the bodies on it.
+  // that it can to the velocity of the bodies on it, and of others so far that they do not rise into these.
   void yield_overloaded_cells(const BodyStore&, const ContactList& static_contacts, float dt_s,
                               surface::Field&);
 

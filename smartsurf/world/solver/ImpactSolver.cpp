@@ -48,12 +48,14 @@ float touching_separation(const ImpactSolver::Step& step, float speed) {
   return std::max(kTouchingSeparation, -speed * step.dt_s / static_cast<float>(step.substeps));
 }
 
-// The impulse that a cell of limited force has left for one of the body's contacts with it.
+// The impulse that a cell of limited force has left, on its motor's line, for one of the body's contacts.
 float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
   constexpr float kUnlimited = std::numeric_limits<float>::infinity();
   const std::vector<Contact>& contacts = step.static_contacts.contacts;
-  if (m.b >= 0 || step.cell_limits.empty() || !step.cell_limits[&c - contacts.data()].is_limited())
-    return kUnlimited;
+  if (m.b >= 0 || step.cell_limits.empty()) return kUnlimited;
+  const CellImpulseLimit& limit = step.cell_limits[&c - contacts.data()];
+  if (!limit.is_limited()) return kUnlimited;
+  const float capacity = (&limit + limit.to_first)->capacity;
   float load = 0.0F;
   int count = 0;
   for (int k = m.first; k < m.first + m.count; ++k) {
@@ -61,7 +63,7 @@ float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Co
     load += contacts[k].total_normal_impulse * contacts[k].normal.z();
     ++count;
   }
-  return std::max(0.0F, c.max_cell_impulse - load) / (static_cast<float>(count) * c.normal.z());
+  return std::max(0.0F, capacity - load) / (static_cast<float>(count) * c.normal.z());
 }
 
 // Normal speeds of an impact within the step.
