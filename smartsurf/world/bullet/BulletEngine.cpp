@@ -605,6 +605,7 @@ void BulletEngine::step() {
       s.bodies[i].rigid->applyCentralForce(to_bt(wrenches_[i].force));
       s.bodies[i].rigid->applyTorque(to_bt(wrenches_[i].torque));
     }
+    for (const auto& joint : s.joints) joint->begin_substep(s.substep_s);
     s.world.substep(s.substep_s);
     const std::size_t earlier = contacts_.size();
     s.read_contacts(contacts_);

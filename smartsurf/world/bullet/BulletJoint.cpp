@@ -1,6 +1,8 @@
 #include "smartsurf/world/bullet/BulletJoint.h"
 
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <numbers>
 #include <utility>
 
@@ -9,7 +11,8 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr double kErrorReduction = 0.2;  // of a joint's error, in each substep
+constexpr double kErrorReduction = 0.2;      // of a joint's error, in each substep
+constexpr double kMaxCorrectionSpeed = 4.0;  // u/s, rad/s
 
 void set_range(btGeneric6DofSpring2Constraint& c, int first, int count, bool is_free) {
   // A range without width is locked, an inverted one is free.
@@ -41,7 +44,6 @@ BulletJoint::BulletJoint(scene::JointId id, const scene::JointSpec& spec, btDisc
     if (spec.spring) set_spring(*spec.spring);
     if (spec.motor) set_motor(*spec.motor);
   }
-  for (int i = 0; i < 6; ++i) c->setParam(BT_CONSTRAINT_STOP_ERP, kErrorReduction, i);
   constraint_ = std::move(c);
   add_constraint(*constraint_, feedback_, spec.collide);
   if (spec.friction == 0.0) return;
@@ -99,6 +101,37 @@ void BulletJoint::update_equilibrium() {
 void BulletJoint::begin_step() {
   effort_impulse_ = 0.0;
   force_impulse_.setZero();
+}
+
+double BulletJoint::error_along(int axis) const {
+  btTranslationalLimitMotor2& linear = *constraint_->getTranslationalLimitMotor();
+  const btRotationalLimitMotor2& angular = *constraint_->getRotationalLimitMotor(axis % 3);
+  const bool is_linear = axis < 3;
+  const double lower = is_linear ? linear.m_lowerLimit[axis] : angular.m_loLimit,
+               upper = is_linear ? linear.m_upperLimit[axis] : angular.m_hiLimit;
+  if (lower > upper) return 0.0;
+  const double at = is_linear ? constraint_->getRelativePivotPosition(axis)
+                              : btAdjustAngleToLimits(constraint_->getAngle(axis % 3), lower, upper);
+  return std::max({lower - at, at - upper, 0.0});
+}
+
+// Bullet's speed of correction is proportional to the error.
+void BulletJoint::begin_substep(double substep_s) {
+  constraint_->calculateTransforms();
+  const auto reduce = [&](std::initializer_list<int> axes) {
+    double squared = 0.0;
+    for (const int i : axes) squared += std::pow(error_along(i), 2);
+    const double share = std::min(kErrorReduction, kMaxCorrectionSpeed * substep_s / std::sqrt(squared));
+    for (const int i : axes) constraint_->setParam(BT_CONSTRAINT_STOP_ERP, share, i);
+  };
+  if (kind_ == scene::JointKind::kSlider)
+    reduce({kAxis}), reduce({1, 2});
+  else
+    reduce({0, 1, 2});
+  if (kind_ == scene::JointKind::kHinge)
+    reduce({3 + kAxis}), reduce({4, 5});
+  else
+    reduce({3, 4, 5});
 }
 
 void BulletJoint::end_substep(double substep_s) {

@@ -23,8 +23,9 @@ class BulletJoint {
   bool connects(const btRigidBody& body) const { return a_ == &body || b_ == &body; }
   void set_motor(const scene::JointMotor&);
   void set_spring(const scene::JointSpring&);
-  // Once before the substeps of a step, and after each.
+  // Once before the substeps of a step, and before and after each.
   void begin_step();
+  void begin_substep(double substep_s);
   void end_substep(double substep_s);
   // Means over `step_s`.
   scene::JointState state(double step_s) const;
@@ -38,6 +39,8 @@ class BulletJoint {
     return (b_ ? b_->getWorldTransform() : btTransform::getIdentity()) * frame_in_b_;
   }
   void update_equilibrium();
+  // What the constraint lacks along one of Bullet's axes: 0 to 2 linear, 3 to 5 angular.
+  double error_along(int axis) const;
   void add_constraint(btTypedConstraint&, btJointFeedback&, bool collide);
   std::unique_ptr<btGeneric6DofSpring2Constraint> make_constraint() const;
 
@@ -47,7 +50,7 @@ class BulletJoint {
   btRigidBody *a_, *b_;
   btTransform frame_in_a_, frame_in_b_;
   // The second one is friction: Bullet has one motor per axis.
-  std::unique_ptr<btTypedConstraint> constraint_, friction_;
+  std::unique_ptr<btGeneric6DofSpring2Constraint> constraint_, friction_;
   btGeneric6DofSpring2Constraint* axis_ = nullptr;  // constraint_, if there is a coordinate
   btJointFeedback feedback_, friction_feedback_;
   double coordinate_ = 0.0, effort_impulse_ = 0.0;

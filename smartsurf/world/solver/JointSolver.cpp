@@ -5,7 +5,6 @@
 #include <limits>
 #include <numbers>
 #include <span>
-#include <utility>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
@@ -47,6 +46,11 @@ int linear_rows(scene::JointKind kind) { return kind == scene::JointKind::kSlide
 
 constexpr int kAxis = 5;  // the row
 
+// Of a limit that is passed.
+double correction_speed(double room, double h_s) {
+  return std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed);
+}
+
 double compliance_of(const JointEquations::Tree& tree) {
   return tree.has_loop ? kLoopCompliance : kCompliance;
 }
@@ -66,10 +70,11 @@ double JointSolver::coordinate_of(const Joint& j, const Pose& a, const Pose& b) 
 }
 
 // Linear rows first: along the world's axes, for a slider across its axis; then angular ones.
-JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Pose& a, const Pose& b) {
+JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Quatd& own_frame_a,
+                                                const Vec3d& anchor_b, const Pose& a, const Pose& b) {
   using scene::JointKind;
-  const Vec3d d = a.position + a.orientation * j.anchor_a - b.position - b.orientation * j.anchor_b;
-  const Quatd frame_a = a.orientation * j.frame_a, frame_b = b.orientation * j.frame_b;
+  const Vec3d d = a.position + a.orientation * j.anchor_a - b.position - b.orientation * anchor_b;
+  const Quatd frame_a = a.orientation * own_frame_a, frame_b = b.orientation * j.frame_b;
   const Vec3d x = frame_b * Vec3d::UnitX(), y = frame_b * Vec3d::UnitY();
   auto turn = [&]() -> Vec3d {
     const Quatd q = frame_a * frame_b.conjugate();
@@ -78,7 +83,10 @@ JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Pose& a, c
   RowVector error = RowVector::Zero();
   switch (j.kind) {
     case JointKind::kHinge: {
-      const Vec3d tilt = (frame_b * Vec3d::UnitZ()).cross(frame_a * Vec3d::UnitZ());
+      const Vec3d axis_a = frame_a * Vec3d::UnitZ(), axis_b = frame_b * Vec3d::UnitZ();
+      // Beyond a right angle the cross product decreases again.
+      const Vec3d tilt = axis_a.dot(axis_b) >= 0.0 ? axis_b.cross(axis_a)
+                                                   : Vec3d(2.0 * Quatd::FromTwoVectors(axis_b, axis_a).vec());
       error.head<5>() << d, x.dot(tilt), y.dot(tilt);
       break;
     }
@@ -187,7 +195,7 @@ void JointSolver::set_law(Joint& j, Block& block, Stage stage, double h_s, doubl
   block.law.reset(spring, slope);
   auto speed_of_limit = [&](double room) {
     if (room > 0.0) return -room / h_s;
-    return stage == Stage::kSolve ? std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed) : 0.0;
+    return stage == Stage::kSolve ? correction_speed(room, h_s) : 0.0;
   };
   if (std::isfinite(j.lower))
     block.law.add_step(AxisLaw::kLower, speed_of_limit(j.coordinate - j.lower), kUnbounded, 0.0);
@@ -445,22 +453,27 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
   for_each_body(trees, [](Body& b) { b.keep(); });
   for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
     block.kept_held_by = j.held_by;
+    block.held_frame_a = j.frame_a, block.held_anchor_b = j.anchor_b;
     block.target_error = block.error;
     correct_target(j, block, h_s);
     block.impulse.setZero();
     block.correction.setZero();
     if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
-  // Trees that are off their joints are solved as they are first, and then moved back.
+  // Trees that are off their joints are solved as they are first, and then moved back. Only from where the
+  // bodies are do the rows tell how the error changes.
   for (int t = trees.begin; t < trees.end; ++t) {
     TreeState& s = tree_states_[t];
     s.is_off = s.is_selected() && std::ranges::any_of(joints_of(equations_.trees()[t]), [&](std::int32_t k) {
+                 const Joint& j = joints_[k];
                  const Block& b = blocks_[k];
                  return b.is_active &&
-                        (b.target_error - b.error).head(b.rigid_rows).norm() > kSlowCorrection * s.h_s;
+                        ((b.target_error - b.error).head(b.rigid_rows).norm() > kSlowCorrection * s.h_s ||
+                         (j.has_coordinate() && correction_speed(room_of(j), s.h_s) > kSlowCorrection));
                });
     if (!s.is_off) continue;
-    for (const std::int32_t k : joints_of(equations_.trees()[t])) blocks_[k].target_error = blocks_[k].error;
+    for (const std::int32_t k : joints_of(equations_.trees()[t]))
+      if (blocks_[k].is_active) hold_as_it_is(joints_[k], blocks_[k], s.h_s);
   }
   solve_trees(Stage::kSolve, trees);
   note_springs(trees);
@@ -470,6 +483,7 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
   for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
     block.correction = block.impulse;
     correct_target(j, block, h_s);
+    if (j.has_coordinate()) set_law(j, block, Stage::kSolve, h_s, block.spring_at_rest, block.law.slope());
   });
   solve_trees(Stage::kSolve, trees);
   for_each_selected(
@@ -478,15 +492,26 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
     if (s.role == Role::kSetAside) s.role = Role::kSelected;
 }
 
-// Moves what is to be left of a joint's error on from the present error towards 0.
+void JointSolver::hold_as_it_is(Joint& j, Block& block, double h_s) {
+  const Pose &a = bodies_[block.a].now, &b = bodies_[block.b].now;
+  block.held_frame_a = a.orientation.conjugate() * (b.orientation * j.frame_b);
+  block.held_anchor_b = b.orientation.conjugate() * (a.position + a.orientation * j.anchor_a - b.position);
+  block.target_error.setZero();
+  if (j.has_coordinate()) set_law(j, block, Stage::kRelax, h_s, block.spring_at_rest, block.law.slope());
+}
+
+// Moves what is to be left of a joint's error on by a share of the present one.
 void JointSolver::correct_target(const Joint& j, Block& block, double h_s) {
   const int linear = linear_rows(j.kind);
-  for (const auto& [first, count] : {std::pair{0, linear}, std::pair{linear, block.rigid_rows - linear}}) {
+  // A rotation moves a body by its arm.
+  const double arm = std::max({1.0, j.anchor_a.norm(), j.b < 0 ? 0.0 : block.held_anchor_b.norm()});
+  auto correct = [&](int first, int count, double most) {
     Vec3d correction = Vec3d::Zero();
     correction.head(count) = kErrorReduction * block.error.segment(first, count);
-    block.target_error.segment(first, count) -=
-        law::clamp_length(correction, kMaxJointBiasSpeed * h_s).head(count);
-  }
+    block.target_error.segment(first, count) -= law::clamp_length(correction, most).head(count);
+  };
+  correct(0, linear, kMaxJointBiasSpeed * h_s);
+  correct(linear, block.rigid_rows - linear, kMaxJointBiasSpeed * h_s / arm);
 }
 
 void JointSolver::take_back_corrections(IndexRange trees) {
@@ -603,8 +628,10 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     if (has_changed_places)
       out.head(n) = (block.solved_speeds - now).head(n);
     else if (stage == Stage::kSolve)
-      out.head(n) =
-          (block.target_error - rigid_error(j, bodies_[block.a].next, bodies_[block.b].next)).head(n) / h_s;
+      out.head(n) = (block.target_error - rigid_error(j, block.held_frame_a, block.held_anchor_b,
+                                                      bodies_[block.a].next, bodies_[block.b].next))
+                        .head(n) /
+                    h_s;
     else
       out.head(n) = -now.head(n);
     if (j.has_coordinate()) {

@@ -162,8 +162,12 @@ class JointSolver {
     RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
     RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
     RowVector solved_speeds = RowVector::Zero();  // before the places of axes changed
-    RowVector error = RowVector::Zero(), target_error = RowVector::Zero();  // of the rigid rows
-    RowVector impulse = RowVector::Zero();                                  // in this substep
+    RowVector error = RowVector::Zero();          // of the rigid rows
+    // The frame of a and the anchor of b that the part holds together, and what is to be left of their error.
+    Quatd held_frame_a{1, 0, 0, 0};
+    Vec3d held_anchor_b{0, 0, 0};
+    RowVector target_error = RowVector::Zero();
+    RowVector impulse = RowVector::Zero();     // in this substep
     RowVector correction = RowVector::Zero();  // of which only moves bodies back onto the joint
     double speed_before = 0.0;    // of the spring's coordinate, before gravity and joints act in the part
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
@@ -203,8 +207,15 @@ class JointSolver {
   void begin_body(Body&, const BodyStore&, const SpatialPartition&);
   void load_velocities(const Rows&, IndexRange trees);
   void store_velocities(const Rows&, IndexRange trees);
-  static RowVector rigid_error(const Joint&, const Pose& a, const Pose& b);
+  static RowVector rigid_error(const Joint& j, const Pose& a, const Pose& b) {
+    return rigid_error(j, j.frame_a, j.anchor_b, a, b);
+  }
+  // With this frame and anchor instead of the joint's.
+  static RowVector rigid_error(const Joint&, const Quatd& frame_a, const Vec3d& anchor_b, const Pose& a,
+                               const Pose& b);
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b);
+  // From the nearer limit; negative beyond it.
+  static double room_of(const Joint& j) { return std::min(j.coordinate - j.lower, j.upper - j.coordinate); }
   static Pose pose_of(const BodyStore&, std::int32_t body);
   std::span<const std::int32_t> joints_of(const JointEquations::Tree& t) const {
     return equations_.tree_joints().subspan(t.first_joint, t.joint_count);
@@ -242,6 +253,8 @@ class JointSolver {
   bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
   // Finds the impulses with which the selected trees obey their joints at the end of their parts.
   void hold_at_end_of_part(IndexRange trees);
+  // Makes the present offset the one that the part holds.
+  void hold_as_it_is(Joint&, Block&, double h_s);
   static void correct_target(const Joint&, Block&, double h_s);
   // After the motion: takes back the impulses that only corrected positions.
   void take_back_corrections(IndexRange trees);
