@@ -68,8 +68,8 @@ class PartOnField {
     for_each_plateau([&](const Plateau& p) {
       of_cell.clear();
       collide_plateau(p, sat, of_cell);
-      if (columns_.field().has_force_limit())
-        std::erase_if(of_cell, [&](const ManifoldCandidate& c) { return is_beside_top(p.column, c); });
+      if (columns_.field().has_force_limit() && is_outside_bounds(p.column))
+        std::erase_if(of_cell, [](const ManifoldCandidate& c) { return c.normal.z() > 0.9999F; });
       const int cell = columns_.index(p.row_begin, p.column_begin);
       if (of_cell.empty())
         std::ranges::copy_if(candidates_, std::back_inserter(of_cell),
@@ -92,17 +92,12 @@ class PartOnField {
     });
   }
 
-  // True if a contact along z lies beside the part or, while cells move, beside the column's top: there the
-  // part does not load the column's motor. The unloaded neighbours of a load run ahead of it.
-  bool is_beside_top(const Column& q, const ManifoldCandidate& c) const {
+  // True if the column lies beside the part, which does not load its motor from above. The unloaded
+  // neighbours of a load run ahead of it.
+  bool is_outside_bounds(const Column& q) const {
     constexpr float kReach = 5e-3F;  // u
-    if (c.normal.z() < 0.9999F) return false;
-    const auto is_outside = [&](float west, float east, float south, float north) {
-      const float x = c.point.x(), y = c.point.y();
-      return x < west - kReach || x > east + kReach || y < south - kReach || y > north + kReach;
-    };
-    return is_outside(low_.x(), high_.x(), low_.y(), high_.y()) ||
-           (columns_.field().max_speed != 0.0F && is_outside(q.west, q.east, q.south, q.north));
+    return q.west > high_.x() + kReach || q.east < low_.x() - kReach || q.south > high_.y() + kReach ||
+           q.north < low_.y() - kReach;
   }
 
   // True if the points are the four corners of the top and the part reaches beyond it on all sides. Other
