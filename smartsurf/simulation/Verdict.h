@@ -20,7 +20,7 @@ struct Verdict {
 Verdict judge(const script::Experiment&, std::optional<double> reached_s, std::optional<bool> stop_success,
               double end_s);
 
-// Of an episode that its script has stopped.
+// The outcome of an episode that its script has stopped.
 std::string outcome_of(const ScriptRequests&);
 
 }  // namespace smartsurf::simulation

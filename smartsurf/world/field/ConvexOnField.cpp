@@ -92,8 +92,8 @@ class PartOnField {
     });
   }
 
-  // True if the column lies beside the part, which does not load its motor from above. The unloaded
-  // neighbours of a load run ahead of it.
+  // True if the column lies beside the part. Its motor then bears nothing of it: the unloaded neighbours of
+  // a load run ahead of it.
   bool is_outside_bounds(const Column& q) const {
     constexpr float kReach = 5e-3F;  // u
     return q.west > high_.x() + kReach || q.east < low_.x() - kReach || q.south > high_.y() + kReach ||

@@ -137,9 +137,9 @@ std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, 
   return found;
 }
 
-// True if a point of the body, from its origin, is on a round side but beside the line on which that lies on
-// a face with this normal, and the plane of the face is continued there: the side comes no nearer at the
-// point as it rolls. `at_point`: the plane at the point.
+// True if the contact point `on_body`, from the body's origin, is on a round side but beside the line along
+// which that side touches the plane, and a face lies in the plane under that line: another contact bears
+// there, and rolling brings the side no nearer at the point. `at_point`: the plane at the point.
 bool bears_beside(std::span<const Solid> solids, const Shape& body, const Mat3& axes, const Vec3& origin,
                   const Vec3& on_body, const Plane& at_point) {
   constexpr float kMaxAlong = 0.7F;  // an end

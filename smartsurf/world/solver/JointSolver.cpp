@@ -46,7 +46,7 @@ int linear_rows(scene::JointKind kind) { return kind == scene::JointKind::kSlide
 
 constexpr int kAxis = 5;  // the row
 
-// Of a limit that is passed.
+// The speed at which a coordinate returns to a limit that it has passed.
 double correction_speed(double room, double h_s) {
   return std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed);
 }
