@@ -266,6 +266,30 @@ TEST_P(Support, UnevenCellsBearWhereTheyTouch) {
   EXPECT_LE(loaded_otherwise, 3);
 }
 
+// A plate bears on a cell of which it covers a sliver, at one end, and on one that it covers, at the other,
+// beside the line through their middles. A third cell as high, on the other side, bears nothing.
+TEST_P(Support, SliversOfCellsBear) {
+  for (const double sliver : {0.02, 0.005, 0.001}) {
+    SupportFixture fixture;
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c) {
+        const int x = c, y = 31 - r;
+        const bool is_high = (y == 15 && (x == 13 || x == 17)) || (y == 16 && x == 16);
+        fixture.cells().set_target(0, r, c, is_high ? 1.0F : 0.9F);
+      }
+    fixture.run(1.0);
+    const double half_top = static_cast<double>(fixture.cells().field().half_top_x);
+    const double left = 13 + half_top - sliver, right = 17 + half_top, weight = (right - left) * 2 * kGravity;
+    const auto id = fixture.add(box({right - left, 2, 1}, {0.5 * (left + right), 14.8, 1.5}));
+    fixture.run(2.0);
+    ASSERT_NEAR(static_cast<double>(fixture.position(id).z()), 1.5, 2e-3) << sliver;
+    const double of_sliver = load_on(fixture, 31 - 15, 13), of_cell = load_on(fixture, 31 - 15, 17);
+    EXPECT_NEAR(of_sliver + of_cell, weight, 0.02 * weight) << sliver;
+    EXPECT_NEAR(13 * of_sliver + 17 * of_cell, 0.5 * (left + right) * weight, half_top * weight) << sliver;
+    EXPECT_NEAR(load_on(fixture, 31 - 16, 16), 0.0, 0.02 * weight) << sliver;
+  }
+}
+
 TEST_P(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
   const Eigen::AngleAxisd lying(M_PI / 2, Eigen::Vector3d::UnitY());
   {

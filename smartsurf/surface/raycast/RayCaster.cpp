@@ -169,14 +169,21 @@ void RayCaster::partition_rows(std::span<const RayBody> bodies, int bands) {
 void RayCaster::update_row_height_bounds(const float* height, int begin, int end) noexcept {
   for (int r = begin; r < end; ++r) {
     const float* const h = height + r * columns_;
-    float low = kFar, high = -kFar;
-    for (int c = 0; c < columns_; ++c) {
-      const float present_height = h[c] > -kFar ? h[c] : kFar;
-      low = present_height < low ? present_height : low;
-      high = h[c] > high ? h[c] : high;
-    }
-    row_min_height_[r] = low;
-    row_max_height_[r] = high;
+    // Lanes for the compiler's vectors, which it may not make of one minimum: that would change the order.
+    constexpr int kWidth = 8;
+    float low[kWidth], high[kWidth];
+    std::fill_n(low, kWidth, kFar), std::fill_n(high, kWidth, -kFar);
+    const auto add = [&](int lane, float cell) {
+      const float present = cell > -kFar ? cell : kFar;
+      low[lane] = present < low[lane] ? present : low[lane];
+      high[lane] = cell > high[lane] ? cell : high[lane];
+    };
+    int c = 0;
+    for (; c + kWidth <= columns_; c += kWidth)
+      for (int lane = 0; lane < kWidth; ++lane) add(lane, h[c + lane]);
+    for (; c < columns_; ++c) add(0, h[c]);
+    row_min_height_[r] = *std::ranges::min_element(low);
+    row_max_height_[r] = *std::ranges::max_element(high);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -44,38 +45,71 @@ bool is_bearing(const BatchPoint& p, int lane) {
          (p.normal_impulse[lane] > 0.0F || p.separation[lane] <= kTouchingSeparation);
 }
 
-// By lane: whether any of its points bears or touches.
-struct BearingMask {
-  std::int32_t lane[kLanes] = {};
-  BearingMask(const ContactBatch& o, const BatchPoints& points) {
-    for (const BatchPoint& p : std::span(points.point + o.first_point, o.point_count))
-      for (int i = 0; i < kLanes; ++i)
-        lane[i] |= (p.normal_mass[i] > 0.0F) &
-                   ((p.normal_impulse[i] > 0.0F) | (p.separation[i] <= kTouchingSeparation));
+// Bit i: a point of lane i bears or touches.
+std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points) {
+  std::int32_t bears[kLanes] = {};
+  for (const BatchPoint& p : std::span(points.point + o.first_point, o.point_count))
+    for (int i = 0; i < kLanes; ++i)
+      bears[i] |= (p.normal_mass[i] > 0.0F) &
+                  ((p.normal_impulse[i] > 0.0F) | (p.separation[i] <= kTouchingSeparation));
+  static_assert(kLanes <= 8);
+  unsigned mask = 0;
+  for (unsigned i = 0; i < kLanes; ++i) mask |= static_cast<unsigned>(bears[i]) << i;
+  return static_cast<std::uint8_t>(mask);
+}
+
+Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
+
+// Cells that yield have a solver of their own. Where surfaces move, or press from the side or down, the loads
+// are those of a squeeze, which has no solution that holds everything.
+bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, const Vec3& gravity) {
+  constexpr float kLeastRise = 0.5F, kGreatestDepth = 0.02F;
+  const Vec3 up = -gravity.normalized();
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    if (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited) return true;
+    const BatchPoint& p = points.point[k];
+    if (!is_bearing(p, lane)) continue;
+    const float(&surface)[3][kLanes] = points.detail[k].surface_velocity;
+    const float z = p.normal[2][lane];
+    // Without gravity no side is below.
+    const float rise = up.isZero(0.0F) ? 1.0F : up.dot(Vec3(p.normal[0][lane], p.normal[1][lane], z));
+    if (std::max(z, rise) < kLeastRise || p.separation[lane] < -kGreatestDepth || surface[0][lane] != 0.0F ||
+        surface[1][lane] != 0.0F || surface[2][lane] != 0.0F)
+      return true;
   }
-};
+  return false;
+}
+
+// A blow is no load.
+bool is_fast(const BodyVelocity& v) {
+  constexpr double kFast = 1.0;  // u/s
+  return to_double(v.velocity).squaredNorm() > kFast * kFast;
+}
 
 Vector3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
-Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 
 }  // namespace
 
-void HeavyIslandSolver::reset(int member_count, int row_count) {
+void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) {
   members_.resize(member_count);
+  if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
   parent_.resize(row_count);
   flags_.resize(parent_.size());
   for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear();
   islands_.clear();
 }
 
-void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind, const BatchPoints& points,
-                                         const BodyVelocity* velocity, const SubstepParams& params,
-                                         const Vec3& weight, int member) {
+void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch, ContactKind kind,
+                                         const BatchPoints& points, const BodyVelocity* velocity,
+                                         const SubstepParams& params, const Vec3& weight, int member) {
+  const ContactBatch& o = graph.batch(batch);
+  const unsigned bears = bearing_lanes_[batch] = find_bearing_lanes(o, points);
   const float weight_impulse = weight.norm();
   float load[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane) load[lane] += points.point[k].normal_impulse[lane];
   for (int lane = 0; lane < o.lane_count; ++lane) {
+    if ((bears >> static_cast<unsigned>(lane) & 1U) == 0) continue;
     const float a = velocity[o.a[lane]].inverse_mass,
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
     const float lighter = std::max(a, b), heavier = std::min(a, b);
@@ -94,9 +128,12 @@ void HeavyIslandSolver::find_heavy_lanes(const ContactBatch& o, ContactKind kind
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
     const bool is_heavy = loading > kHeavyLoad * weight_impulse || may_bear || excess > kDeepAlone;
-    if ((!is_heavy && excess <= kDeepTogether) || !BearingMask(o, points).lane[lane]) continue;
+    if (!is_heavy && excess <= kDeepTogether) continue;
+    // The islands of these would be excluded, but all lanes of the scene would be looked at before.
+    const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
+    if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     MemberData& own = members_[member];
-    (is_heavy ? own.heavy_rows : own.sinking_rows).push_back(a >= b ? o.a[lane] : o.b[lane]);
+    (is_heavy ? own.heavy_rows : own.sinking_rows).push_back(bearer);
   }
 }
 
@@ -166,17 +203,15 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
   for (const BatchRange& range : step.graph.own_batches(member))
     for (int i = range.first; i < range.first + range.count; ++i) {
       const ContactBatch& o = step.graph.batch(i);
-      const BearingMask bears(o, step.points);
-      for (int lane = 0; lane < o.lane_count; ++lane) {
-        if (!bears.lane[lane]) continue;
+      for (unsigned left = bearing_lanes_[i]; left != 0; left &= left - 1) {
+        const int lane = std::countr_zero(left);
         lanes.push_back({i, lane, range.kind});
         if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
       }
     }
 }
 
-// Bodies with joints, and cells that yield, have solvers of their own. Where surfaces move, or press from the
-// side or down, the loads are those of a squeeze, which has no solution that holds everything.
+// Bodies with joints have a solver of their own.
 void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, const Member& member) {
   const BatchPoints& points = step.points;
   const MemberData& own = members_[member.index];
@@ -184,32 +219,11 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
   for (const std::int32_t row : own.sinking_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
-  const Vec3 up = -step.gravity.normalized();
-  const auto is_squeezed = [&](std::int32_t k, int lane) {
-    constexpr float kLeastRise = 0.5F, kGreatestDepth = 0.02F;
-    const BatchPoint& p = points.point[k];
-    const float(&surface)[3][kLanes] = points.detail[k].surface_velocity;
-    const float z = p.normal[2][lane];
-    // Without gravity no side is below.
-    const float rise = up.isZero(0.0F) ? 1.0F : up.dot(Vec3(p.normal[0][lane], p.normal[1][lane], z));
-    return is_bearing(p, lane) &&
-           (std::max(z, rise) < kLeastRise || p.separation[lane] < -kGreatestDepth ||
-            surface[0][lane] != 0.0F || surface[1][lane] != 0.0F || surface[2][lane] != 0.0F);
-  };
-  for (const auto& [batch, lane, kind] : own.lanes) {
-    if (is_pair(kind)) continue;
-    const ContactBatch& o = step.graph.batch(batch);
-    for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
-      if (is_squeezed(k, lane) ||
-          (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited))
-        mark(o.a[lane], kExcluded);
-  }
-  const auto is_fast = [&](std::size_t row) {
-    constexpr double kFast = 1.0;  // u/s: a blow is no load
-    return to_double(step.velocity[row].velocity).squaredNorm() > kFast * kFast;
-  };
+  for (const auto& [batch, lane, kind] : own.lanes)
+    if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
+      mark(step.graph.batch(batch).a[lane], kExcluded);
   for (int row = own_rows.begin; row < own_rows.end; ++row)
-    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(row)) mark(row, kExcluded);
+    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(step.velocity[row])) mark(row, kExcluded);
 }
 
 void HeavyIslandSolver::number_islands(const Step& step) {

@@ -29,12 +29,12 @@ class HeavyIslandSolver {
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
-  void reset(int member_count, int row_count);
+  void reset(int member_count, int row_count, int batch_count);
   // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
   // heavier. `weight`: what gravity gives a body in a substep, u/s. Called by the member that prepares the
   // batch.
-  void find_heavy_lanes(const ContactBatch&, ContactKind, const BatchPoints&, const BodyVelocity*,
-                        const SubstepParams&, const Vec3& weight, int member);
+  void find_heavy_lanes(const ConstraintGraph&, int batch, ContactKind, const BatchPoints&,
+                        const BodyVelocity*, const SubstepParams&, const Vec3& weight, int member);
   bool any_heavy_lane() const;
   struct Step {
     const ConstraintGraph& graph;
@@ -130,7 +130,8 @@ class HeavyIslandSolver {
   static void set_up(PatchFriction&, const SolverBodies&);
 
   std::vector<MemberData> members_;
-  std::vector<BearingLane> lanes_;    // of the islands, in the order of the batches
+  std::vector<std::uint8_t> bearing_lanes_;  // by batch; bit i: a point of lane i bears or touches
+  std::vector<BearingLane> lanes_;           // of the islands, in the order of the batches
   std::vector<std::int32_t> parent_;  // by row: union-find, in which the least row of a set is its root
   std::vector<std::uint8_t> flags_;   // by row, of roots
   std::vector<std::int32_t> island_of_row_, body_of_row_;

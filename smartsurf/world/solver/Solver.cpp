@@ -105,7 +105,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   if (has_cell_limits) grow(limit_, points);
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
-  heavy_islands_.reset(member_count, rows);
+  heavy_islands_.reset(member_count, rows, graph_.batch_count());
   deep_contacts_.resize(member_count);
   active_rows_.resize(member_count);
   supports_.resize(member_count);
@@ -124,7 +124,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     prepare_batch(context, kind, batch);
     if (context.may_impact()) find_impact_candidates(context, kind, batch, member);
     if (!context.all_spheres)
-      heavy_islands_.find_heavy_lanes(graph_.batch(batch), kind, batch_points(), velocity_.data(),
+      heavy_islands_.find_heavy_lanes(graph_, batch, kind, batch_points(), velocity_.data(),
                                       is_pair(kind) ? context.pair_params : context.static_params,
                                       h_s * settings_.gravity, member.index);
   });

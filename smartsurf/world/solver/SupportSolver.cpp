@@ -371,6 +371,34 @@ std::uint32_t solve_friction(SupportBatch& batch, std::uint32_t lanes, BatchPoin
   return sticks;
 }
 
+// Loads that grow linearly over the covered areas do not balance a body that bears on slivers of some cells
+// and covers more of others: kMomentCompliance yields before the slivers bear. Then each point loads its own
+// cell, and what is left is its offset from the middle of the area there.
+void load_cells_of_points(SupportPatches& list, const SupportPatch& p, std::span<const Contact> contacts) {
+  constexpr double kOffsetTolerance = 0.05;  // u
+  if (!(p.force > 0.0) || std::hypot(p.offset_x, p.offset_y) <= kOffsetTolerance) return;
+  SupportSamples& s = list.samples;
+  const auto cells = std::span(s.cell).subspan(p.first, p.count);
+  const auto sample_of = [&](const Contact& c) {
+    return p.first + (std::ranges::lower_bound(cells, c.feature_id) - cells.begin());
+  };
+  double offset_x = 0.0, offset_y = 0.0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const Contact& c = contacts[i];
+    if (c.total_normal_impulse == 0.0F) continue;
+    const std::ptrdiff_t k = sample_of(c);
+    if (k == p.first + p.count || s.cell[k] != c.feature_id) return;
+    const double share = c.total_normal_impulse / p.force;
+    offset_x += share * static_cast<double>(c.anchor.x() - s.x[k]);
+    offset_y += share * static_cast<double>(c.anchor.y() - s.y[k]);
+  }
+  if (std::hypot(p.offset_x, p.offset_y) <= std::hypot(offset_x, offset_y) + kOffsetTolerance) return;
+  std::fill_n(&s.load[p.first], p.count, 0.0F);
+  for (const std::int32_t i : points_of(list, p))
+    if (contacts[i].total_normal_impulse != 0.0F)
+      s.load[sample_of(contacts[i])] += contacts[i].total_normal_impulse;
+}
+
 }  // namespace
 
 void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const InverseInertia& w,
@@ -485,6 +513,7 @@ void store_loads(SupportPatches& list, SupportPatch& p, std::span<const Contact>
   float load[3] = {};
   if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
   support_kernels().store_loads(samples, load);
+  load_cells_of_points(list, p, contacts);
 }
 
 void store_friction(const SupportPatches& list, const SupportPatch& p, std::span<Contact> contacts) {
