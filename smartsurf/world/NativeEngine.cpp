@@ -29,6 +29,15 @@ StepSettings make_step_settings(const scene::SceneSpec& s, const LengthUnit& uni
 
 std::array<float, 3> to_array(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
+// Sleep's limits are for a pitch of 1 u. On a coarser surface objects need not be large: they grow with the
+// pitch only as far as gravity does, as in a scene in millimetres.
+float rest_scale(const scene::SceneSpec& scene) {
+  const double pitch = scene.surface.pitch;
+  if (pitch <= 1.0) return 1.0F;
+  return static_cast<float>(std::clamp(scene.world.gravity.norm() / scene::kStandardGravity, 1.0, pitch) /
+                            pitch);
+}
+
 }  // namespace
 
 NativeEngine::NativeEngine(const scene::SceneSpec& scene, surface::Field& field, common::ThreadPool* pool)
@@ -45,7 +54,7 @@ NativeEngine::NativeEngine(const scene::SceneSpec& scene, surface::Field& field,
               .dt_s = settings_.dt_s,
               .substeps = settings_.substeps,
               .field_friction_root = settings_.field_friction_root},
-             scene.world.sleep),
+             rest_scale(scene), scene.world.sleep),
       collision_(field_, settings_.dt_s, settings_.substeps, ground_height(scene, unit_)),
       elastic_skin_(settings_.dt_s, settings_.gravity.z(), settings_.substeps),
       jam_relief_(settings_.dt_s),

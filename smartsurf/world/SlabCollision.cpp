@@ -127,12 +127,16 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3 centre = bodies.origin(i);
   const float margin = std::max(kMinSpeculativeMargin, speculative_margin_[i] + field_.max_speed * dt_s_);
+  const ContactList& previous_list = previous_contacts_.static_contacts();
+  const int known = previous_contacts_.find_static(i, results.member);
+  const auto previous =
+      known < 0 ? std::span<const Contact>() : previous_list.contacts_of(previous_list.manifolds[known]);
   if (bodies.is_sphere[i] && !collider_.free_layout())
     collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
   else if (collider_.free_layout() || field_.has_contacts_per_cell() || bodies.rolls_unevenly[i])
     collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
-    field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
+    field_cache_.collide(bodies, i, margin, previous, results.cached_field, out.contacts);
   const std::size_t field_contacts = out.contacts.size() - first;
   if (collider_.has_skin_or_tips())
     collider_.collide_skin_or_tips(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
@@ -147,8 +151,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const auto contacts = std::span(out.contacts).subspan(first);
   move_static_points(bodies, i, contacts);
   anchor_at_centre_of_mass(bodies, i, contacts);
-  match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
-                 previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
+  match_contacts(out, out.manifolds.back(), previous_list, known, 0.15F * bodies.bounding_radius[i]);
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
 }
 

@@ -23,11 +23,11 @@ float max_point_speed(const BodyStore& b, std::size_t i) {
 
 // True if the mean velocity of any point in the second half of kTimeToSleep_s differs too much from that in
 // the first. Means are compared, because an object under a heavy load may tremble without going anywhere.
-bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
+bool accelerates(const BodyStore& b, std::size_t i, float dt_s, float scale) {
   const RestMotion& m = b.rest_motion[i];
   const float change = (m.velocity.norm() + m.angular_velocity.norm() * b.bounding_radius[i]) * dt_s;
   constexpr float kHalf_s = 0.5F * kTimeToSleep_s;
-  return change > kMaxSleepAcceleration * kHalf_s * kHalf_s;
+  return change > scale * kMaxSleepAcceleration * kHalf_s * kHalf_s;
 }
 
 bool any_nonzero(std::span<const float> values) {
@@ -202,7 +202,7 @@ bool Sleep::touches_moving_cell(const Contact& c) const {
 
 void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
   const float max_speed = b.is_jointed[i] ? kMaxJointedSleepSpeed : kMaxSleepSpeed;
-  const bool is_still = max_point_speed(b, i) < max_speed && b.wrench[i].is_zero();
+  const bool is_still = max_point_speed(b, i) < rest_scale_ * max_speed && b.wrench[i].is_zero();
   float& timer_s = b.sleep_timer_s[i];
   if (!is_still) {
     timer_s = 0.0F;
@@ -217,7 +217,7 @@ void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
   motion.angular_velocity += sign * b.angular_velocity(i);
   timer_s += dt_s_;
   if (in_period_s + dt_s_ < kTimeToSleep_s) return;
-  timer_s = accelerates(b, i, dt_s_) ? dt_s_ : kTimeToSleep_s;
+  timer_s = accelerates(b, i, dt_s_, rest_scale_) ? dt_s_ : kTimeToSleep_s;
   motion = {};
 }
 

@@ -27,12 +27,15 @@ namespace smartsurf::world {
 
 class Sleep {
  public:
-  // `field` must outlive the object. If not enabled, no body falls asleep.
-  Sleep(const surface::Field& field, const RestLoads::Settings& settings, bool is_enabled = true)
+  // `field` must outlive the object. `rest_scale`: of the speeds and accelerations below which a body rests.
+  // If not enabled, no body falls asleep.
+  Sleep(const surface::Field& field, const RestLoads::Settings& settings, float rest_scale = 1.0F,
+        bool is_enabled = true)
       : field_(field),
         dt_s_(settings.dt_s),
         gravity_(settings.gravity),
         up_(settings.gravity.isZero(0.0F) ? Vec3(0, 0, 0) : Vec3(-settings.gravity.normalized())),
+        rest_scale_(rest_scale),
         is_enabled_(is_enabled),
         rest_loads_(settings) {}
 
@@ -111,6 +114,7 @@ class Sleep {
   const surface::Field& field_;
   float dt_s_;
   Vec3 gravity_, up_;  // up_: unit, against gravity; 0 without gravity
+  float rest_scale_;
   bool is_enabled_;
   int sleeping_count_ = 0;
   unsigned set_version_ = 0, contacts_version_ = 0;

@@ -177,6 +177,7 @@ Shape make_shape(const scene::ObjectSpec& o) {
   const ShapeKind kind = o.shape == ShapeKind::kSphere && !turns_as_sphere ? ShapeKind::kCapsule : o.shape;
   Shape s = make_primitive(kind, static_cast<float>(o.radius), static_cast<float>(o.height),
                            o.half_extents().cast<float>());
+  s.centre_of_mass = o.centre_of_mass.cast<float>();
   if (o.shape != ShapeKind::kSolid) return s;
   s.solid = o.solid;
   s.bounding_radius = o.solid->bounding_radius;

@@ -68,6 +68,7 @@ struct Shape {
   scene::ShapeKind kind = scene::ShapeKind::kSphere;
   float radius = 0.0F;
   Vec3 half_extents{0, 0, 0};    // about the origin, body axes, u
+  Vec3 centre_of_mass{0, 0, 0};  // from the origin, body axes, u
   float low = 0, high = 0;       // ends along the body's z axis, from the origin, u
   float bounding_radius = 0.0F;  // about the origin, u
   float width = 0.0F;            // least width, u: a body narrower than a gap between cells falls into it

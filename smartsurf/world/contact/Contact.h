@@ -103,6 +103,10 @@ struct ContactList {
   void archive(common::StateArchive& a) { a(manifolds, contacts); }
 };
 
+// Where the contacts of a body load it, from its centre of mass: the mean of their anchors by the normal
+// impulses of the step. 0 if they bear nothing.
+Vec3 centre_of_load(std::span<const Contact>);
+
 // Prepares the list for the removal of `body`: erases its manifolds and decrements all body indices above it.
 // Contacts of erased manifolds stay in `contacts`, unreferenced.
 void remove_body(ContactList&, std::int32_t body);

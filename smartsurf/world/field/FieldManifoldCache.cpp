@@ -169,11 +169,12 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
 }
 
 void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float margin,
-                                 ChunkCache& chunk_cache, std::vector<Contact>& out) const {
+                                 std::span<const Contact> previous, ChunkCache& chunk_cache,
+                                 std::vector<Contact>& out) const {
   const CachedManifold* cached = manifold_of_body_[i];
   if (cached && is_valid(bodies, i, margin, *cached)) {
     reuse(*cached, chunk_cache);
-    if (reduce(bodies, i, margin, max_slip(bodies.bounding_radius[i]), chunk_cache, out)) return;
+    if (reduce(bodies, i, margin, max_slip(bodies.bounding_radius[i]), previous, chunk_cache, out)) return;
     chunk_cache.points.resize(chunk_cache.manifolds.back().first_point);
     chunk_cache.heights.resize(chunk_cache.manifolds.back().first_height);
     chunk_cache.manifolds.pop_back();
@@ -189,7 +190,7 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   const float max_height = columns.max_height(cells);
   if (centre.z() - extent.z() > max_height) return;
   rebuild(bodies, i, wide_margin, cells, max_height, chunk_cache);
-  reduce(bodies, i, margin, kNoLimit, chunk_cache, out);
+  reduce(bodies, i, margin, kNoLimit, previous, chunk_cache, out);
 }
 
 // Updates the separations of the cached points and appends a reduced manifold per plane of each part. Returns
@@ -197,7 +198,8 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
 // along its normal when cached. Likewise if it has come so near to a column that it may miss that another
 // normal is to be found.
 bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float margin, float slip_limit,
-                                const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
+                                std::span<const Contact> previous, const ChunkCache& chunk_cache,
+                                std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
   const Columns columns(field_, bodies.width[i]);
   const Vec3 centre = bodies.origin(i);
@@ -228,7 +230,9 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
       return false;
     }
     int chosen[ReductionPoints::kMaxSelected];
-    const int count = points.select(chosen, [&](int k) -> const Vec3& { return begin_of_plane[k].normal; });
+    const int count = points.select(
+        chosen, [&](int k) -> const Vec3& { return begin_of_plane[k].normal; },
+        [&] { return std::optional<Vec3>(bodies.position[i] + centre_of_load(previous)); });
     for (const int k : std::span(chosen).first(count)) {
       const CachedPoint& p = begin_of_plane[k];
       Contact& c = out.emplace_back();

@@ -62,9 +62,9 @@ class FieldManifoldCache {
   void build_index(int bodies);
 
   // Appends the contacts of a non-sphere with separations up to `margin`, and stores the manifold for the
-  // next step.
-  void collide(const BodyStore&, std::size_t body, float margin, ChunkCache& chunk_cache,
-               std::vector<Contact>& out) const;
+  // next step. `previous`: the body's static contacts of the previous step.
+  void collide(const BodyStore&, std::size_t body, float margin, std::span<const Contact> previous,
+               ChunkCache& chunk_cache, std::vector<Contact>& out) const;
 
  private:
   struct HeightChange {
@@ -78,7 +78,8 @@ class FieldManifoldCache {
                ChunkCache& chunk_cache) const;
   void reuse(const CachedManifold&, ChunkCache& chunk_cache) const;
   bool reduce(const BodyStore&, std::size_t body, float margin, float slip_limit,
-              const ChunkCache& chunk_cache, std::vector<Contact>& out) const;
+              std::span<const Contact> previous, const ChunkCache& chunk_cache,
+              std::vector<Contact>& out) const;
 
   const surface::Field& field_;
   std::vector<ChunkCache> previous_;  // one per chunk

@@ -159,13 +159,15 @@ float collide_parts(const ConvexProxy& a, const ConvexProxy& b, const SearchLimi
   if (clearance > limits.margin) return clearance;
   const std::size_t first = out.size();
   Vec3 corner[ReductionPoints::kMaxSelected];
-  candidates.reduce([&](const ManifoldCandidate& c) {
+  const auto take = [&](const ManifoldCandidate& c) {
     corner[out.size() - first] = c.point;
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
     contact.anchor = c.point - centre;
     contact.separation = c.separation;
-  });
+  };
+  const ConvexProxy& upper = a.centre.z() > b.centre.z() ? a : b;
+  candidates.reduce(take, upper.centre + upper.axes * upper.part.shape.centre_of_mass);
   const float loss = candidates.twist_friction_loss(std::span(corner, out.size() - first));
   for (std::size_t i = first; i < out.size(); ++i) out[i].twist_friction_loss = loss;
   return clearance;

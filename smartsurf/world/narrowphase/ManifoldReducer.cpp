@@ -149,6 +149,56 @@ int ReductionPoints::select_widest(int (&chosen)[kMaxSelected]) {
   return chosen[3] < 0 ? 3 : 4;
 }
 
+// Quickhull: adds the point that is farthest beyond a side, and so on.
+int ReductionPoints::extend(const Vec3* load_point, const Vec3& normal, int candidates,
+                            int (&chosen)[kMaxSelected]) const {
+  constexpr float kTolerance = 1e-3F;          // u
+  constexpr float kRelativeTolerance = 0.02F;  // of the distance between the first two
+  const Vec3 origin = load_point ? *load_point : at(chosen[0]);
+  const Vec3 east = normal.unitOrthogonal(), north = normal.cross(east);
+  struct InPlane {
+    float u, v;
+  };
+  const auto in_plane = [&](int i) {
+    const Vec3 offset = at(i) - origin;
+    return InPlane{east.dot(offset), north.dot(offset)};
+  };
+  InPlane corner[kMaxSelected];
+  int count = 4;
+  for (int i = 0; i < count; ++i) corner[i] = in_plane(chosen[i]);
+  const float relative = kRelativeTolerance * (at(chosen[1]) - at(chosen[0])).norm();
+  const float least_extension = load_point ? kTolerance : std::max(kTolerance, relative);
+  // A side of the area; (u, v) is its outward normal.
+  struct Side {
+    float u = 0.0F, v = 0.0F, offset = 0.0F;
+    float height(const InPlane& p) const { return p.u * u + p.v * v - offset; }
+  };
+  while (count < kMaxSelected) {
+    int farthest = -1;
+    float most = least_extension;
+    for (int i = 0; i < count; ++i)
+      for (int k = 0; k < count; ++k) {
+        const float du = corner[k].u - corner[i].u, dv = corner[k].v - corner[i].v;
+        const float length = std::sqrt(du * du + dv * dv);
+        if (!(length > kTolerance)) continue;
+        Side side{dv / length, -du / length};
+        side.offset = side.height(corner[i]);
+        if (load_point && side.offset >= relative) continue;
+        if (!std::all_of(corner, corner + count,
+                         [&](const InPlane& p) { return side.height(p) <= kTolerance; }))
+          continue;
+        for (int c = 0; c < candidates; ++c) {
+          const float extension = side.height(in_plane(c)) - std::max(0.0F, separation_[c]);
+          if (extension > most) most = extension, farthest = c;
+        }
+      }
+    if (farthest < 0) break;
+    chosen[count] = farthest, corner[count] = in_plane(farthest);
+    ++count;
+  }
+  return count;
+}
+
 int find_planes(std::span<const ManifoldCandidate> candidates, std::vector<int>& plane) {
   constexpr float kSameNormal = 0.9999F, kSameOffset = 1e-3F;  // cosine; u
   struct Plane {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -27,11 +28,13 @@ class ReductionPoints {
   // Index of the least separation; the first one on ties. Precondition: count() > 0.
   int deepest() const;
   static constexpr int kMaxSelected = 8;
-  // Selects four at most: the deepest, the farthest from it, the farthest from their line, and the one that
-  // extends the area most. Then the deepest ones whose normals, normal(i), are unlike those of all selected:
-  // a body that is wedged must be held from all sides. Returns their number.
-  template <class Normal>
-  int select(int (&chosen)[kMaxSelected], Normal normal);
+  // Selects four at first: the deepest, the farthest from it, the farthest from their line, and the one that
+  // extends the area most. Then those that extend it on the sides that load_point(), where the load acts, is
+  // not well within, because a body that lies on too small an area rocks, on other points in each step; on
+  // all sides if it returns std::nullopt. Then the deepest ones whose normals, normal(i), are unlike those of
+  // all selected: a body that is wedged must be held from all sides. Returns their number.
+  template <class Normal, class LoadPoint>
+  int select(int (&chosen)[kMaxSelected], Normal normal, LoadPoint load_point);
 
  private:
   // Index of the greatest measure(x, y, z) − separation, or −1 if none is significant.
@@ -39,6 +42,8 @@ class ReductionPoints {
   int argmax(Spread measure) const;
 
   int select_widest(int (&chosen)[kMaxSelected]);
+  // Extends a selection of four. Without a load point on all sides.
+  int extend(const Vec3* load_point, const Vec3& normal, int candidates, int (&chosen)[kMaxSelected]) const;
 
   // Contacts deeper than that count as wedging, u. Normals at a smaller cosine are unlike.
   static constexpr float kWedgedDepth = 2e-3F, kLikeCosine = 0.8F;
@@ -50,11 +55,15 @@ class ReductionPoints {
   int count_ = 0;
 };
 
-template <class Normal>
-int ReductionPoints::select(int (&chosen)[kMaxSelected], Normal normal) {
+template <class Normal, class LoadPoint>
+int ReductionPoints::select(int (&chosen)[kMaxSelected], Normal normal, LoadPoint load_point) {
   const int candidates = count_;
   int count = select_widest(chosen);
   if (count == candidates) return count;
+  if (count == 4) {
+    const std::optional<Vec3> at = load_point();
+    count = extend(at ? &*at : nullptr, normal(chosen[0]), candidates, chosen);
+  }
   const auto is_unlike = [&](int i) {
     for (int k = 0; k < count; ++k)
       if (normal(chosen[k]).dot(normal(i)) >= kLikeCosine) return false;
@@ -92,11 +101,12 @@ class ManifoldReducer {
   ManifoldCandidate average() const;
   // Infinity if empty.
   float min_separation() const;
-  // Calls take(candidate) for the selected ones, at most ReductionPoints::kMaxSelected.
+  // Calls take(candidate) for the selected ones, at most ReductionPoints::kMaxSelected. See select().
   template <class Take>
-  void reduce(Take take) {
+  void reduce(Take take, const std::optional<Vec3>& load_point = std::nullopt) {
     int chosen[ReductionPoints::kMaxSelected];
-    const int n = points_.select(chosen, [this](int i) -> const Vec3& { return normal_[i]; });
+    const int n = points_.select(
+        chosen, [this](int i) -> const Vec3& { return normal_[i]; }, [&] { return load_point; });
     for (int i = 0; i < n; ++i) take(at(chosen[i]));
   }
   // The candidates are the corners of a face patch in their order, or the ends of an edge, and `corners`

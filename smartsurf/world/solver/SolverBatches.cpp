@@ -12,6 +12,7 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kPressingNormalZ = 0.5F;   // of contacts that press a body down
+constexpr float kLeastEscape = 0.5F;       // speed of a body that gives way to one below it, relative to that
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
 
 void store(float (*to)[kLanes], int lane, const Vec3& from) {
@@ -362,6 +363,13 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
           [](const Contact& one, const Contact& other) { return one.separation < other.separation; });
       // Spheres roll off each other.
       const float upward = kind == kSpherePair ? 0.0F : deepest.normal.z();
+      if (m.b >= 0 && std::abs(upward) > kPressingNormalZ) {
+        // A load that is thrown presses its parts into each other, but has a way out.
+        const auto rise = [&](std::int32_t row) { return delta_pose_[row].translation[2]; };
+        const float of_a = rise(o.a[lane]), of_b = rise(o.b[lane]);
+        const float lower = upward > 0.0F ? of_b : of_a, upper = upward > 0.0F ? of_a : of_b;
+        if (lower > 0.0F && upper >= kLeastEscape * lower) continue;
+      }
       context.deep_contacts.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
       if (m.b >= 0) context.deep_contacts.push_back({m.b, depth[lane], upward > kPressingNormalZ});
     }

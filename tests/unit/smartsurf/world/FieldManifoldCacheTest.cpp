@@ -53,7 +53,7 @@ struct FieldCacheFixture {
     cache.swap_in(0, chunk_cache);
     cache.build_index(bodies.size());
     contacts.clear();
-    cache.collide(bodies, 0, kCacheMargin, chunk_cache, contacts);
+    cache.collide(bodies, 0, kCacheMargin, {}, chunk_cache, contacts);
   }
   // The contacts without the cache.
   std::vector<Contact> recompute() const {
