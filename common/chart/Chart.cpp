@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <memory>
 
 #include "common/index/Index.h"
@@ -13,19 +12,55 @@ namespace {
 
 constexpr double kTickLength = 4.0, kTickLabelSize = 11.0, kTitleSize = 13.0;
 
+constexpr double kLeastTextScale = 0.7;
+
+bool is_continuation(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }  // of UTF-8
+
 void select_font(cairo_t* cr, double size, bool bold) {
   cairo_select_font_face(cr, "sans", CAIRO_FONT_SLANT_NORMAL,
                          bold ? CAIRO_FONT_WEIGHT_BOLD : CAIRO_FONT_WEIGHT_NORMAL);
   cairo_set_font_size(cr, size);
 }
 
-std::vector<double> ticks_of(const Axis& axis) {
+constexpr double kLabelGap = kTickLength + 3.0;
+constexpr double kRightRoom = 20.0;                         // of tick labels beyond the area
+constexpr double kTitleDistance = 44.0, kTitleRoom = 22.0;  // from the area to the title of y, and beyond
+constexpr double kDigitWidth = 0.66 * kTickLabelSize;       // an estimate from above
+
+struct Ticks {
+  std::vector<double> values;
+  std::vector<std::string> labels;
+};
+
+// length: of the axis; spacing: the least distance of decades; points.
+Ticks ticks_of(const Axis& axis, double length, double spacing) {
   const auto [low, high] = std::minmax(axis.min, axis.max);
-  if (!axis.log) return tick_values(low, high);
-  std::vector<double> powers;
-  for (double exponent = std::ceil(std::log10(low) - 1e-9); exponent <= std::log10(high) + 1e-9; ++exponent)
-    powers.push_back(std::pow(10.0, exponent));
-  return powers;
+  Ticks ticks;
+  if (!axis.log) {
+    ticks.values = tick_values(low, high);
+    ticks.labels = tick_labels(ticks.values);
+    return ticks;
+  }
+  const int first = static_cast<int>(std::ceil(std::log10(low) - 1e-9)),
+            last = static_cast<int>(std::floor(std::log10(high) + 1e-9));
+  const int step = static_cast<int>(round_up(std::max(1.0, (last - first) * spacing / length)));
+  for (int exponent = first; exponent <= last; exponent += step) {
+    ticks.values.push_back(std::pow(10.0, exponent));
+    ticks.labels.push_back(format_number(ticks.values.back()));
+  }
+  return ticks;
+}
+
+Ticks y_ticks(const Axis& axis, double height) { return ticks_of(axis, height, 18.0); }
+
+Axis resolvable(Axis axis) {
+  const auto [low, high] = std::minmax(axis.min, axis.max);
+  AxisRange range = common::resolvable({low, high});
+  if (axis.log) range.low = std::max(range.low, 1e-300);
+  if (axis.min > axis.max) std::swap(range.low, range.high);
+  axis.min = range.low;
+  axis.max = range.high;
+  return axis;
 }
 
 std::uint32_t pack_rgb24(const Rgba& ink) {
@@ -35,29 +70,16 @@ std::uint32_t pack_rgb24(const Rgba& ink) {
 
 }  // namespace
 
+double y_axis_room(const Axis& axis, double height) {
+  std::size_t longest = 0;
+  for (const std::string& label : y_ticks(resolvable(axis), height).labels)
+    longest = std::max(longest, label.size());
+  return kTitleRoom + std::max(kTitleDistance, kDigitWidth * static_cast<double>(longest) + 2.0 * kLabelGap);
+}
+
 double Axis::fraction(double value) const {
   if (!log) return (value - min) / (max - min);
   return std::log(std::max(value, 1e-300) / min) / std::log(max / min);
-}
-
-std::vector<double> tick_values(double from, double to) {
-  const double raw_step = (to - from) / 7.0, magnitude = std::pow(10.0, std::floor(std::log10(raw_step)));
-  double step = 10.0 * magnitude;
-  for (const double multiple : {1.0, 2.0, 5.0})
-    if (raw_step <= multiple * magnitude * 1.0001) {
-      step = multiple * magnitude;
-      break;
-    }
-  std::vector<double> numbers;
-  for (double i = std::ceil(from / step - 1e-9); i * step <= to + 1e-9 * step; ++i)
-    numbers.push_back(i * step);
-  return numbers;
-}
-
-std::string format_number(double value) {
-  char digits[32];
-  std::snprintf(digits, sizeof digits, "%g", std::abs(value) < 1e-12 ? 0.0 : value);
-  return digits;
 }
 
 void set_pen(cairo_t* cr, const Rgba& colour, double line_width) {
@@ -78,14 +100,21 @@ double text_width(cairo_t* cr, const std::string& text, double size) {
   return extents.x_advance;
 }
 
-void draw_text(cairo_t* cr, double x, double y, const std::string& text, double size, Align align, bool bold,
-               double max_width) {
+void draw_text(cairo_t* cr, double x, double y, const std::string& whole_text, double size, Align align,
+               bool bold, double max_width) {
   select_font(cr, size, bold);
+  std::string text = whole_text;
   cairo_text_extents_t extents;
   cairo_text_extents(cr, text.c_str(), &extents);
   if (extents.x_advance > max_width) {
-    cairo_set_font_size(cr, size * max_width / extents.x_advance);
+    cairo_set_font_size(cr, size * std::max(max_width / extents.x_advance, kLeastTextScale));
     cairo_text_extents(cr, text.c_str(), &extents);
+    for (std::size_t kept = text.size(); kept > 0 && extents.x_advance > 1.001 * max_width;) {
+      do --kept;
+      while (kept > 0 && is_continuation(whole_text[kept]));
+      text = whole_text.substr(0, kept) + "…";
+      cairo_text_extents(cr, text.c_str(), &extents);
+    }
   }
   const double alignment_offset = align == Align::kLeft ? 0.0 : align == Align::kCentre ? 0.5 : 1.0;
   cairo_move_to(cr, x - alignment_offset * extents.x_advance, y);
@@ -110,9 +139,13 @@ void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vect
   cairo_restore(cr);
 }
 
+Chart::Chart(PlotArea area, Axis x, Axis y)
+    : area_(area), x_(resolvable(std::move(x))), y_(resolvable(std::move(y))) {}
+
 void Chart::draw_grid(cairo_t* cr) const {
   set_pen(cr, kLightGreyPen);
-  for (const double value : ticks_of(y_)) draw_line(cr, area_.left, py(value), area_.right(), py(value));
+  for (const double value : y_ticks(y_, area_.height).values)
+    draw_line(cr, area_.left, py(value), area_.right(), py(value));
 }
 
 void Chart::draw_axes(cairo_t* cr) const {
@@ -131,19 +164,34 @@ void Chart::draw_axes(cairo_t* cr) const {
     draw_label(px(static_cast<double>(i)), label_y, name.substr(0, space));
     if (space != name.npos) draw_label(px(static_cast<double>(i)), label_y + 12.0, name.substr(space + 1));
   }
-  if (x_.categories.empty())
-    for (const double value : ticks_of(x_)) {
-      draw_line(cr, px(value), area_.bottom(), px(value), area_.bottom() + kTickLength);
-      draw_text(cr, px(value), label_y, format_number(value), kTickLabelSize, Align::kCentre);
+  if (x_.categories.empty()) {
+    const Ticks ticks = ticks_of(x_, area_.width, 40.0);
+    double widest = 0.0;
+    for (const std::string& label : ticks.labels)
+      widest = std::max(widest, text_width(cr, label, kTickLabelSize));
+    double labelled = -INFINITY;
+    for (Index i = 0; i < std::ssize(ticks.values); ++i) {
+      const double x = px(ticks.values[i]);
+      draw_line(cr, x, area_.bottom(), x, area_.bottom() + kTickLength);
+      if (std::abs(x - labelled) < widest + kLabelGap) continue;
+      const double rightmost =
+          area_.right() + kRightRoom - 0.5 * text_width(cr, ticks.labels[i], kTickLabelSize);
+      draw_text(cr, std::min(x, rightmost), label_y, ticks.labels[i], kTickLabelSize, Align::kCentre);
+      labelled = x;
     }
-  for (const double value : ticks_of(y_)) {
-    draw_line(cr, area_.left - kTickLength, py(value), area_.left, py(value));
-    draw_text(cr, area_.left - kTickLength - 3.0, py(value) + 4.0, format_number(value), kTickLabelSize,
-              Align::kRight);
+  }
+  const Ticks ticks = y_ticks(y_, area_.height);
+  double widest = 0.0;
+  for (Index i = 0; i < std::ssize(ticks.values); ++i) {
+    const double y = py(ticks.values[i]);
+    draw_line(cr, area_.left - kTickLength, y, area_.left, y);
+    draw_text(cr, area_.left - kLabelGap, y + 4.0, ticks.labels[i], kTickLabelSize, Align::kRight);
+    widest = std::max(widest, text_width(cr, ticks.labels[i], kTickLabelSize));
   }
   draw_text(cr, area_.left + area_.width / 2.0, area_.bottom() + 36.0, x_.title, kTitleSize, Align::kCentre);
   cairo_save(cr);
-  cairo_translate(cr, area_.left - 44.0, area_.top + area_.height / 2.0);
+  cairo_translate(cr, area_.left - std::max(kTitleDistance, widest + 2.0 * kLabelGap),
+                  area_.top + area_.height / 2.0);
   cairo_rotate(cr, -std::acos(-1.0) / 2.0);
   draw_text(cr, 0.0, 0.0, y_.title, kTitleSize, Align::kCentre);
   cairo_restore(cr);

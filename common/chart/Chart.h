@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "common/axis/Axis.h"
+
 namespace common {
 
 struct Rgba {
@@ -23,7 +25,7 @@ constexpr Rgba kLineColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 
 enum class Align { kLeft, kCentre, kRight };
 
 struct Axis {
-  double min, max;  // in the data's unit; min > max: the axis is reversed
+  double min, max;  // in the data's unit, different; min > max: the axis is reversed
   std::string title;
   bool log = false;                          // 0 < min
   std::vector<std::string> categories = {};  // at 0, 1, …, instead of numbers
@@ -37,6 +39,9 @@ struct PlotArea {
   double bottom() const { return top + height; }
 };
 
+// The room that the tick labels and the title of a y axis need beside the area, at least 66 points.
+double y_axis_room(const Axis& axis, double height);
+
 // A picture that can be drawn on any Cairo context.
 class Figure {
  public:
@@ -49,7 +54,8 @@ class Figure {
 // Maps data coordinates to points and draws the axes.
 class Chart {
  public:
-  Chart(PlotArea area, Axis x, Axis y) : area_(area), x_(std::move(x)), y_(std::move(y)) {}
+  // Widens axes that are too short to be divided.
+  Chart(PlotArea area, Axis x, Axis y);
   const PlotArea& area() const { return area_; }
   double px(double x) const { return area_.left + x_.fraction(x) * area_.width; }
   double py(double y) const { return area_.bottom() - y_.fraction(y) * area_.height; }
@@ -63,15 +69,13 @@ class Chart {
   Axis x_, y_;
 };
 
-// Round numbers in [from, to], about five to nine of them.
-std::vector<double> tick_values(double from, double to);
 // Draws pixels, row by row from the top, as rectangles that fill the area.
 void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vector<Rgba>& pixels);
-std::string format_number(double value);  // as by %g: "0.2", "45.25"
 
 void set_pen(cairo_t* cr, const Rgba& colour, double line_width = 1.0);
 void draw_line(cairo_t* cr, double x1, double y1, double x2, double y2);
-// Draws text with its baseline at y, scaled down if necessary to be no wider than `max_width`.
+// Draws text with its baseline at y, no wider than `max_width`: scaled down as far as it can be read, then
+// cut with "…".
 void draw_text(cairo_t* cr, double x, double y, const std::string& text, double size, Align align,
                bool bold = false, double max_width = 1e9);
 double text_width(cairo_t* cr, const std::string& text, double size);

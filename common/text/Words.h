@@ -23,6 +23,14 @@ inline std::string lower_case(std::string text) {
   return text;
 }
 
+// A sentence with a capital at its beginning, unless a file's name stands there: "sort.lua:3: …".
+inline std::string with_capital(std::string sentence) {
+  const std::string_view first = std::string_view(sentence).substr(0, sentence.find_first_of(" :"));
+  if (!first.empty() && first.find_first_of("./_") == first.npos)
+    sentence.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(sentence.front())));
+  return sentence;
+}
+
 // As a user types it for one argument of a command: quoted, unless all of its characters stand for
 // themselves.
 inline std::string shell_word(const std::string& text) {

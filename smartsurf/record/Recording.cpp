@@ -355,16 +355,21 @@ std::vector<double> Recording::read_metric(const std::string& name) const {
   });
 }
 
+std::size_t Recording::channel_components(const std::string& group, const std::string& name) const {
+  const auto channel = std::ranges::find(datasets(), "/" + group + "/" + name, &DatasetInfo::name);
+  return channel != datasets().end() && channel->extents.size() == 4 ? channel->extents[3] : 1;
+}
+
 std::vector<float> Recording::read_cell_history(const std::string& group, const std::string& name, int row,
                                                 int column) const {
   return contents_->translate_errors([&] {
     const std::string full_name = group + "/" + name;
     const Handle dataset = open_dataset(contents_->file, full_name);
-    const std::size_t axes = extents(dataset).size();
-    std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column), 0},
-                         size = {frames(), 1, 1, 1};
-    start.resize(axes);
-    size.resize(axes);
+    const std::vector<hsize_t> stored = extents(dataset);
+    std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column)},
+                         size = {frames(), 1, 1};
+    start.resize(stored.size());
+    size.insert(size.end(), stored.begin() + 3, stored.end());
     return read_block<float>(dataset, start, size, full_name);
   });
 }

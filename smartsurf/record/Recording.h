@@ -92,7 +92,9 @@ class Recording {
   std::vector<float> read_channel(const std::string& group, const std::string& name, std::size_t frame) const;
   // Unknown in recordings of older versions.
   ChannelInfo channel_info(const std::string& group, const std::string& name) const;
-  // The channel's first component at one cell, one value per frame.
+  // How many numbers a cell of the channel has.
+  std::size_t channel_components(const std::string& group, const std::string& name) const;
+  // The channel at one cell: frames × components.
   std::vector<float> read_cell_history(const std::string& group, const std::string& name, int row,
                                        int column) const;
   std::vector<std::string> metric_names() const;

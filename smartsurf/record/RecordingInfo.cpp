@@ -11,6 +11,7 @@
 #include "common/text/Words.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/SizeClasses.h"
+#include "smartsurf/record/TimeText.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
 
 namespace smartsurf::record {
@@ -179,11 +180,7 @@ std::string metric_text(const Recording& recording, const std::string& name) {
 
 std::string success_text(const Recording& recording) {
   if (!recording.success()) return "";
-  if (const auto time_s = recording.success_s()) {
-    char text[40];  // as scripts print it: one number for one result
-    std::snprintf(text, sizeof text, "at %.1f s", *time_s);
-    return text;
-  }
+  if (const auto time_s = recording.success_s()) return "at " + time_text(*time_s) + " s";
   return *recording.success() ? "yes" : "no";
 }
 

@@ -2,13 +2,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <chrono>
 #include <cmath>
 #include <ranges>
 #include <thread>
 #include <utility>
 
+#include "common/text/Words.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/run/Run.h"
 
@@ -171,8 +171,7 @@ view::Banner Run::result_banner() const {
   if (ending_->exit_status != common::kDone) success = false;
   view::Banner banner;
   if (success) banner.tone = *success ? view::Banner::Tone::kSuccess : view::Banner::Tone::kFailure;
-  banner.title = ending_->title.empty() ? ending_->outcome : ending_->title;
-  banner.title.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(banner.title.front())));
+  banner.title = common::with_capital(ending_->title.empty() ? ending_->outcome : ending_->title);
   banner.lines.push_back(fmt::format("{:.2f} s simulated in {:.1f} s ({:.3g}x real time)", s.simulated_s,
                                      s.wall_s, s.real_time_factor()));
   constexpr std::size_t kMaxMetrics = 8;

@@ -264,9 +264,14 @@ def rows(points: Iterable[Point]) -> list[dict[str, Any]]:
 
 
 def outcomes(points: Iterable[Point], success: str) -> list[bool]:
-    """Whether each completed run succeeded: its figure `success` is 1 or true. Runs without that figure are left out."""
-    values = [p.figures().get(success) for p in points if p.status() == 0]
-    return [value == 1 for value in values if isinstance(value, (int, float))]
+    """Whether each completed run succeeded: its figure `success` is 1 or true."""
+    return [p.figures().get(success) == 1 for p in points if p.status() == 0]
+
+
+def tells(points: Iterable[Point], success: str) -> bool:
+    """Whether any completed run has the figure `success`. If none has, the experiment has no goal; if some have, the others
+    ended without reaching it."""
+    return any(isinstance(p.figures().get(success), (int, float)) for p in points if p.status() == 0)
 
 
 def success_time(figures: dict[str, Any], time: str) -> float | None:
@@ -279,10 +284,10 @@ def success_time(figures: dict[str, Any], time: str) -> float | None:
 def time_to_success(points: Iterable[Point], time: str, until: float | None = None) -> list[Step] | None:
     """The share of the completed runs that succeed within a time, from their figure `time`. A run that ends without
     success stays one of those that have not succeeded until `until` or, without it, until the longest run ends: its
-    experiment may have given up early. None if a run succeeds at an unknown time or none says whether it succeeds."""
-    done = [f for f in (p.figures() for p in points if p.status() == 0) if isinstance(f.get("success"), (int, float))]
+    experiment may have given up early. None if a run succeeds at an unknown time. For points of which any tells()."""
+    done = [p.figures() for p in points if p.status() == 0]
     times = [success_time(f, time) for f in done]
-    if not done or any(f["success"] == 1 and known is None for f, known in zip(done, times)):
+    if not done or any(f.get("success") == 1 and known is None for f, known in zip(done, times)):
         return None
     end = max([until or 0.0, *(f.get("simulated_s") or 0.0 for f in done)])
     return success_curve(times, [end] * len(times))
@@ -298,21 +303,21 @@ def groups_of(points: Iterable[Point]) -> dict[Options, list[Point]]:
 
 def summary(points: Sequence[Point], success: str, shares: Sequence[float], until: float | None = None) -> list[dict[str, Any]]:
     """One dict per combination of options, over its completed runs: their number and that of the failed ones; rate and
-    95 % Wilson interval of those whose figure `success` is 1; median and quantiles of each numeric figure, of times to
+    95 % Wilson interval of those whose figure `success` is 1, if any run has it; median and quantiles of each numeric figure, of times to
     success with the runs that do not succeed (None: not reached); `missing`: the runs without that figure; of counts of
     objects lost, their sum and the runs that lose any."""
-    table = []
+    table, has_goal, has_success = [], tells(points, success), tells(points, "success")
     for options, members in groups_of(points).items():
         done = [p.figures() for p in members if p.status() == 0]
         row: dict[str, object] = {**dict(options), "runs": len(members), "failed": len(members) - len(done)}
-        won = outcomes(members, success)
+        won = outcomes(members, success) if has_goal else []
         if won:
             low, high = wilson(sum(won), len(won))
             row |= {"succeeded": sum(won), "success_rate": sum(won) / len(won), "success_low": low,
                     "success_high": high}
         for name in dict.fromkeys(key for figures in done for key in figures):
             values = [f[name] for f in done if is_number(f.get(name))]
-            if name in SUCCESS_TIMES and values and (curve := time_to_success(members, name, until)) is not None:
+            if name in SUCCESS_TIMES and values and has_success and (curve := time_to_success(members, name, until)) is not None:
                 row[f"{name}.median"], row[f"{name}.median_low"], row[f"{name}.median_high"] = time_of_share(curve, 0.5)
                 row |= {f"{name}.q{100 * share:g}": time_of_share(curve, share)[0] for share in shares}
             elif values:

@@ -1,9 +1,9 @@
 #include "smartsurf/record/plot/Chart.h"
 
-#include <cmath>
 #include <filesystem>
 
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/record/TimeText.h"
 
 namespace smartsurf::record {
 
@@ -12,8 +12,7 @@ std::string subtitle(const Recording& recording) {
   const auto add = [&](const std::string& part) { text += (text.empty() ? "" : " · ") + part; };
   if (recording.meta().is_simulated) add("seed " + std::to_string(recording.spec().world.seed));
   if (recording.frames() == 0) return text;
-  const auto rounded = [](double t) { return format_number(std::round(t * 10.0) / 10.0); };
-  add(rounded(recording.times().front()) + " to " + rounded(recording.times().back()) + " s");
+  add(time_text(recording.times().front()) + " to " + time_text(recording.times().back()) + " s");
   return text;
 }
 

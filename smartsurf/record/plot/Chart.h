@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "common/chart/Chart.h"
 
@@ -12,6 +13,7 @@ class Recording;
 
 using common::Align;
 using common::Axis;
+using common::axis_margin;
 using common::Chart;
 using common::draw_line;
 using common::draw_pixels;
@@ -27,7 +29,17 @@ using common::PlotArea;
 using common::Rgba;
 using common::set_pen;
 using common::text_width;
+using common::tick_labels;
 using common::tick_values;
+using common::y_axis_room;
+
+struct LineStyle {
+  Rgba color;
+  std::vector<double> dashes;
+};
+// Of lines of one colour; the first is solid.
+inline const std::vector<double> kLineDashes[] = {
+    {}, {6.0, 3.5}, {1.5, 2.5}, {8.0, 3.0, 1.5, 3.0}, {12.0, 4.0}};
 
 // The subtitle of every figure: "sort.lua · seed 1 · 0 to 45.2 s".
 std::string subtitle(const Recording& recording);

@@ -14,13 +14,19 @@ using common::Index;
 using Mark = ChartLayer::Mark;
 
 constexpr double kLeft = 66.0, kRight = 24.0, kBottom = 52.0, kTitleHeight = 34.0;
-constexpr double kLegendRow = 20.0;
+constexpr double kLegendRow = 20.0, kLineWidth = 1.8, kDotRadius = 2.2;
 constexpr Index kMaxBins = 1440;     // two per point of width; more cannot be resolved
 constexpr double kGroupWidth = 0.8;  // of the bars of a category
 constexpr Rgba kRuleColour{0.00, 0.62, 0.45};
 
 Rgba color_of(const ChartSpec& spec, Index layer) {
   return spec.layers[layer].color.value_or(kLineColours[layer % std::ssize(kLineColours)]);
+}
+
+// Layers without a colour of their own repeat the colours with other dashes.
+LineStyle style_of(const ChartSpec& spec, Index layer) {
+  const Index round = spec.layers[layer].color ? 0 : layer / std::ssize(kLineColours);
+  return {color_of(spec, layer), kLineDashes[round % std::ssize(kLineDashes)]};
 }
 
 bool is_bar(const ChartLayer& layer) { return layer.mark == Mark::kBar; }
@@ -44,23 +50,26 @@ Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double>
     const double first = std::floor(std::log10(low) - 1e-9), last = std::ceil(std::log10(high) - 1e-9);
     return {std::pow(10.0, first), std::pow(10.0, std::max(last, first + 1.0)), axis.title, true};
   }
-  if (!is_y) return {low, std::max(high, low + 1e-3), axis.title};
+  if (!is_y) {
+    const double margin = axis_margin(low, high, 0.0);
+    return {low - margin, high + margin, axis.title};
+  }
   const bool has_bars = std::ranges::any_of(spec.layers, is_bar);
   if (has_bars) low = std::min(low, 0.0), high = std::max(high, 0.0);
   // Start at zero if the values still fill more than half of the axis.
   if (low > 0.0 && low < 0.5 * high) low = 0.0;
-  const double margin = high > low ? 0.04 * (high - low) : std::max(0.5, 0.1 * std::abs(high));
+  const double margin = axis_margin(low, high, 0.04);
   const bool hangs = has_bars && high == 0.0 && low < 0.0;
   return {low - (low == 0.0 ? 0.0 : margin), high + (hangs ? 0.0 : margin), axis.title};
 }
 
-PlotArea make_area(const ChartSpec& spec) {
+Chart make_axes(const ChartSpec& spec) {
   const double top = spec.title.empty() ? 14.0 : spec.subtitle.empty() ? 42.0 : 62.0;
-  return {kLeft, top, spec.width - kLeft - kRight, spec.height - top - kBottom};
-}
-
-Index legend_columns(const ChartSpec& spec, double entry) {
-  return std::max<Index>(1, static_cast<Index>((spec.width - kLeft) / entry));
+  const double height = spec.height - top - kBottom;
+  Axis y = make_axis(spec, spec.y, &ChartLayer::y);
+  const double left = std::min(y_axis_room(y, height), spec.width / 2.0);
+  return {
+      {left, top, spec.width - left - kRight, height}, make_axis(spec, spec.x, &ChartLayer::x), std::move(y)};
 }
 
 void draw_point(cairo_t* cr, double x, double y, double radius) {
@@ -71,48 +80,66 @@ void draw_point(cairo_t* cr, double x, double y, double radius) {
 
 }  // namespace
 
-ChartFigure::Panel::Panel(ChartSpec chart)
-    : spec(std::move(chart)),
-      axes(make_area(spec), make_axis(spec, spec.x, &ChartLayer::x),
-           make_axis(spec, spec.y, &ChartLayer::y)) {
+ChartFigure::Panel::Panel(ChartSpec chart) : spec(std::move(chart)), axes(make_axes(spec)) {
   for (Index i = 0; i < std::ssize(spec.layers); ++i) {
     const ChartLayer& layer = spec.layers[i];
-    if (!layer.name.empty()) legend.push_back({layer.name, color_of(spec, i), layer.mark});
+    if (!layer.name.empty()) legend.push_back({layer.name, style_of(spec, i), layer.mark});
     for (Index k = 0; k < std::ssize(layer.labels); ++k)
-      legend.push_back({layer.labels[k], layer.colors[k], layer.mark});
+      legend.push_back({layer.labels[k], {layer.colors[k], {}}, layer.mark});
   }
+}
+
+Index ChartFigure::Panel::legend_columns() const {
+  return std::max<Index>(1, static_cast<Index>((spec.width - axes.area().left) / legend_entry()));
 }
 
 double ChartFigure::Panel::height() const {
-  const Index columns = legend_columns(spec, legend_entry());
+  const Index columns = legend_columns();
   return spec.height + kLegendRow * static_cast<double>((std::ssize(legend) + columns - 1) / columns);
 }
 
-// A long line is decimated: each bin draws its first, minimum, maximum and last value.
-void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const Rgba& color) const {
+// A long line is decimated: each bin draws its first, minimum, maximum and last value. A value between gaps
+// is a dot.
+void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const LineStyle& style) const {
   const std::vector<double>& value = layer.y;
   const Index count = std::min(std::ssize(value), std::ssize(layer.x));
   const Index bin_size = std::max<Index>(1, (count + kMaxBins - 1) / kMaxBins);
-  bool drawing = false;
-  const auto draw_to = [&](Index i) {
-    if (!std::isfinite(value[i])) {
-      drawing = false;
-      return;
+  std::vector<Index> piece;  // shown between two gaps
+  const auto finish_piece = [&] {
+    const bool is_dot = piece.size() == 1 && !layer.point;
+    for (const Index i : piece) {
+      const double x = axes.px(layer.x[i]), y = axes.py(value[i]);
+      if (is_dot)
+        draw_point(cr, x, y, kDotRadius);
+      else
+        cairo_line_to(cr, x, y);
     }
-    (drawing ? cairo_line_to : cairo_move_to)(cr, axes.px(layer.x[i]), axes.py(value[i]));
-    drawing = true;
+    cairo_stroke(cr);
+    piece.clear();
   };
+  set_pen(cr, style.color, kLineWidth);
+  cairo_set_dash(cr, style.dashes.data(), static_cast<int>(style.dashes.size()), 0.0);
+  cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
+  const auto is_shown = [&](Index i) { return std::isfinite(value[i]) && std::isfinite(layer.x[i]); };
   for (Index first = 0; first < count; first += bin_size) {
     const Index end = std::min(first + bin_size, count);
-    const auto [least, most] = std::minmax_element(value.begin() + first, value.begin() + end);
-    Index samples[] = {first, least - value.begin(), most - value.begin(), end - 1};
-    std::ranges::sort(samples);
-    for (Index m = 0; m < std::ssize(samples); ++m)
-      if (m == 0 || samples[m] != samples[m - 1]) draw_to(samples[m]);
+    for (Index from = first; from < end;) {
+      if (!is_shown(from)) {
+        finish_piece();
+        ++from;
+        continue;
+      }
+      Index to = from;
+      while (to < end && is_shown(to)) ++to;
+      const auto [least, most] = std::minmax_element(value.begin() + from, value.begin() + to);
+      Index samples[] = {from, least - value.begin(), most - value.begin(), to - 1};
+      std::ranges::sort(samples);
+      piece.insert(piece.end(), samples, std::unique(samples, std::end(samples)));
+      from = to;
+    }
   }
-  set_pen(cr, color, 1.8);
-  cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
-  cairo_stroke(cr);
+  finish_piece();
+  cairo_set_dash(cr, nullptr, 0, 0.0);
 }
 
 void ChartFigure::Panel::draw_bars(cairo_t* cr) const {
@@ -160,13 +187,16 @@ double ChartFigure::Panel::legend_entry() const {
 
 void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
   const double entry_width = legend_entry();
-  const Index columns = legend_columns(spec, entry_width);
+  const Index columns = legend_columns();
   for (Index i = 0; i < std::ssize(legend); ++i) {
-    const double x = kLeft + static_cast<double>(i % columns) * entry_width;
+    const double x = axes.area().left + static_cast<double>(i % columns) * entry_width;
     const double y = spec.height + 4.0 + static_cast<double>(i / columns) * kLegendRow;
-    set_pen(cr, legend[i].color, 2.4);
+    const LineStyle& style = legend[i].style;
+    set_pen(cr, style.color, 2.4);
     if (legend[i].mark == Mark::kLine) {
+      cairo_set_dash(cr, style.dashes.data(), static_cast<int>(style.dashes.size()), 0.0);
       record::draw_line(cr, x, y - 4.0, x + 22.0, y - 4.0);
+      cairo_set_dash(cr, nullptr, 0, 0.0);
     } else if (legend[i].mark == Mark::kPoint) {
       draw_point(cr, x + 11.0, y - 4.0, 3.5);
     } else {
@@ -184,7 +214,7 @@ void ChartFigure::Panel::draw(cairo_t* cr) const {
   draw_bars(cr);
   for (Index i = 0; i < std::ssize(spec.layers); ++i) {
     const ChartLayer& layer = spec.layers[i];
-    if (layer.mark == Mark::kLine) draw_line(cr, layer, color_of(spec, i));
+    if (layer.mark == Mark::kLine) draw_line(cr, layer, style_of(spec, i));
     if (layer.mark == Mark::kRect) {
       std::vector<Rgba> pixels;
       for (const std::vector<int>& row : layer.values)
@@ -194,16 +224,17 @@ void ChartFigure::Panel::draw(cairo_t* cr) const {
     if (layer.mark != Mark::kPoint && !layer.point) continue;
     set_pen(cr, color_of(spec, i));
     for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k)
-      if (std::isfinite(layer.y[k])) draw_point(cr, axes.px(layer.x[k]), axes.py(layer.y[k]), 3.0);
+      if (std::isfinite(layer.x[k]) && std::isfinite(layer.y[k]))
+        draw_point(cr, axes.px(layer.x[k]), axes.py(layer.y[k]), 3.0);
   }
   if (spec.rule) draw_rule(cr);
   cairo_restore(cr);
   axes.draw_axes(cr);
-  const double width = axes.area().width;
+  const double left = axes.area().left, width = axes.area().width;
   set_pen(cr, kBlack);
-  draw_text(cr, kLeft, 28.0, spec.title, 17.0, Align::kLeft, true, width);
+  draw_text(cr, left, 28.0, spec.title, 17.0, Align::kLeft, true, width);
   set_pen(cr, kGreyPen);
-  draw_text(cr, kLeft, 48.0, spec.subtitle, 12.0, Align::kLeft, false, width);
+  draw_text(cr, left, 48.0, spec.subtitle, 12.0, Align::kLeft, false, width);
   draw_legend(cr);
 }
 

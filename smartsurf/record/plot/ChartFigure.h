@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/index/Index.h"
 #include "smartsurf/record/plot/Chart.h"
 
 namespace smartsurf::record {
@@ -57,15 +58,16 @@ class ChartFigure final : public Figure {
  private:
   struct LegendEntry {
     std::string name;
-    Rgba color;
+    LineStyle style;
     ChartLayer::Mark mark;
   };
   struct Panel {
     explicit Panel(ChartSpec spec);
     double height() const;
     double legend_entry() const;  // width of an entry of the legend
+    common::Index legend_columns() const;
     void draw(cairo_t* cr) const;
-    void draw_line(cairo_t* cr, const ChartLayer& layer, const Rgba& color) const;
+    void draw_line(cairo_t* cr, const ChartLayer& layer, const LineStyle& style) const;
     void draw_bars(cairo_t* cr) const;
     void draw_rule(cairo_t* cr) const;
     void draw_legend(cairo_t* cr) const;

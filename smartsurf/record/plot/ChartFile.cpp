@@ -42,14 +42,15 @@ class Fields {
     }
   }
 
-  // Numbers; NaN for null.
-  void read_numbers(const char* key, std::vector<double>& values) const {
+  // Numbers; NaN for null, where it may stand.
+  void read_numbers(const char* key, std::vector<double>& values, bool nullable = false) const {
     const auto field = object_.find(key);
     if (field == object_.end()) return;
     if (!field->is_array()) fail(place(key) + ": must be a list of numbers");
     for (const json& value : *field) {
-      if (!value.is_number() && !value.is_null())
-        fail(place(key) + " holds " + value.dump() + ": must be a number or null");
+      if (!value.is_number() && !(nullable && value.is_null()))
+        fail(place(key) + "[" + std::to_string(values.size()) + "] = " + value.dump() + ": must be a number" +
+             (nullable ? " or null" : ""));
       values.push_back(value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>());
     }
   }
@@ -131,12 +132,23 @@ ChartLayer read_layer(const json& object, const std::string& name) {
   fields.read("point", layer.point);
   if (!color.empty()) layer.color = parse_color(color, fields.place("color"));
   fields.read_numbers("x", layer.x);
-  fields.read_numbers("y", layer.y);
+  fields.read_numbers("y", layer.y, true);
   if (layer.mark == ChartLayer::Mark::kRect)
     read_image(fields, layer);
   else if (layer.mark != ChartLayer::Mark::kBar && layer.x.size() != layer.y.size())
     fail(fields.place("y") + ": must be as long as x");
   return layer;
+}
+
+void require_categories(const ChartSpec& chart, const std::string& place) {
+  for (std::size_t i = 0; i < chart.layers.size(); ++i) {
+    const ChartLayer& layer = chart.layers[i];
+    const std::string y = place + "[" + std::to_string(i) + "].y";
+    if (layer.mark != ChartLayer::Mark::kBar || layer.y.size() <= chart.x.categories.size()) continue;
+    fail(y + " has " + std::to_string(layer.y.size()) + " bars: " +
+         (chart.x.categories.empty() ? "x.categories must name them"
+                                     : "x.categories are only " + std::to_string(chart.x.categories.size())));
+  }
 }
 
 // An axis of decades shows numbers above 0.
@@ -170,6 +182,7 @@ ChartSpec read_chart(const json& object, const std::string& name) {
   for (const json& layer : *layers)
     chart.layers.push_back(
         read_layer(layer, fields.place("layers[" + std::to_string(chart.layers.size()) + "]")));
+  require_categories(chart, fields.place("layers"));
   require_shown(chart.layers, &ChartLayer::x, chart.x, fields.place("x"));
   require_shown(chart.layers, &ChartLayer::y, chart.y, fields.place("y"));
   const ChartLayer& first = chart.layers.front();

@@ -1,7 +1,8 @@
 #include "smartsurf/record/plot/CurveChart.h"
 
-#include <cmath>
 #include <utility>
+
+#include "smartsurf/record/TimeText.h"
 
 namespace smartsurf::record {
 
@@ -17,7 +18,7 @@ ChartSpec make_curve_chart(const std::vector<double>& time, TimeSeries series, s
         {.name = has_one_curve ? "" : std::move(curve.name), .x = time, .y = std::move(curve.values)});
   if (series.success_s) {
     chart.rule = series.success_s;
-    chart.rule_label = "success at " + format_number(std::round(*series.success_s * 10.0) / 10.0) + " s";
+    chart.rule_label = "success at " + time_text(*series.success_s) + " s";
   }
   return chart;
 }

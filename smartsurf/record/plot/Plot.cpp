@@ -44,12 +44,11 @@ std::unique_ptr<Figure> make_figure(const Recording& recording, const std::strin
   std::vector<std::string> arguments = split_at_colons(what);
   const std::string kind = arguments.front();
   arguments.erase(arguments.begin());
-  if (arguments.size() > (kind == "time-spent" ? 1u : 0u) && (kind == "trajectories" || kind == "time-spent"))
-    throw scene::InputError("--what " + what + ": " + kind + " takes nothing after '" +
-                            (kind == "time-spent" ? kind + ":" + arguments[0] : kind) + "'");
+  if (kind == "trajectories" && !arguments.empty())
+    throw scene::InputError("--what " + what + ": trajectories takes nothing after 'trajectories'");
   if (kind == "trajectories") return std::make_unique<TrajectoryPlot>(recording);
   if (kind == "time-spent")
-    return std::make_unique<TimeSpentPlot>(recording, arguments.empty() ? "" : arguments[0]);
+    return std::make_unique<TimeSpentPlot>(recording, arguments.empty() ? "" : what.substr(kind.size() + 1));
   return std::make_unique<ChartFigure>(make_curve_chart(recording, time_series(recording, kind, arguments)));
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <optional>
 
@@ -87,17 +88,91 @@ TimeSeries height_series(const Recording& recording, const std::string& kind, co
   return result;
 }
 
-TimeSeries channel_series(const Recording& recording, const std::string& group, const std::string& name,
+// How many of the parts from `first` on, joined by colons, are the longest known name; 0 if there is none.
+template <class IsKnown>
+std::size_t longest_name(const Arguments& parts, std::size_t first, IsKnown is_known) {
+  std::size_t longest = 0;
+  std::string name;
+  for (std::size_t i = first; i < parts.size(); ++i) {
+    name += (i > first ? ":" : "") + parts[i];
+    if (is_known(name)) longest = i - first + 1;
+  }
+  return longest;
+}
+
+std::string joined(const Arguments& parts, std::size_t first, std::size_t count) {
+  std::string name;
+  for (std::size_t i = first; i < first + count; ++i) name += (i > first ? ":" : "") + parts[i];
+  return name;
+}
+
+struct Channel {
+  std::string group, name;
+  std::optional<std::size_t> component;  // nullopt: all
+};
+
+// By its name in the file, by that with its component, NAME[0], or by one that --cells takes.
+std::optional<Channel> find_channel(const Recording& recording, const std::string& text) {
+  constexpr std::pair<const char*, const char*> kGroups[] = {{"sensors", ""},
+                                                             {"actuators", ""},
+                                                             {"registers", ""},
+                                                             {"actuators", "command: "},
+                                                             {"registers", "apron:"}};
+  const std::size_t bracket = text.ends_with(']') ? text.rfind('[') : text.npos;
+  const auto component =
+      bracket == text.npos ? std::nullopt : parse_index(text.substr(bracket + 1, text.size() - bracket - 2));
+  for (const auto& [group, prefix] : kGroups)
+    for (const std::string& name : recording.channel_names(group)) {
+      if (text == prefix + name) return Channel{group, name, std::nullopt};
+      if (component && text.substr(0, bracket) == prefix + name) return Channel{group, name, component};
+    }
+  return std::nullopt;
+}
+
+TimeSeries channel_series(const Recording& recording, const std::string& shown, const Channel& channel,
                           const Arguments& cells) {
-  require_cells(name, cells);
-  const std::string unit = recording.channel_info(group, name).unit;
-  TimeSeries result{"Channel " + name, unit.empty() ? name : name + " [" + unit + "]", {}};
+  const std::size_t components = recording.channel_components(channel.group, channel.name);
+  if (channel.component && (components == 1 || *channel.component >= components))
+    throw_plot_error(
+        shown, "must be " + channel.name +
+                   (components == 1 ? ", which has one component"
+                                    : "[0] to " + channel.name + "[" + std::to_string(components - 1) + "]"));
+  require_cells(shown, cells);
+  const std::string unit = recording.channel_info(channel.group, channel.name).unit;
+  TimeSeries result{"Channel " + shown, unit.empty() ? shown : shown + " [" + unit + "]", {}};
   for (const std::string& text : cells) {
-    const Cell cell = parse_cell(recording, name, text);
-    const std::vector<float> values = recording.read_cell_history(group, name, cell.row, cell.column);
-    result.curves.push_back({curve_name(cell), {values.begin(), values.end()}});
+    const Cell cell = parse_cell(recording, shown, text);
+    const std::vector<float> values =
+        recording.read_cell_history(channel.group, channel.name, cell.row, cell.column);
+    const std::size_t first = channel.component.value_or(0),
+                      last = channel.component.value_or(components - 1);
+    for (std::size_t i = first; i <= last; ++i) {
+      Curve& curve = result.curves.emplace_back();
+      curve.name = curve_name(cell) + (first < last ? ", [" + std::to_string(i) + "]" : "");
+      for (std::size_t k = i; k < values.size(); k += components) curve.values.push_back(values[k]);
+    }
   }
   return result;
+}
+
+// What a fixed kind hides if a channel has its name.
+TimeSeries named_channel_series(const Recording& recording, const std::string& kind,
+                                const Arguments& arguments) {
+  if (arguments.empty()) throw_plot_error(kind, "needs a channel and cells: channel:NAME:ROW,COLUMN");
+  const std::size_t count = longest_name(
+      arguments, 0, [&](const std::string& name) { return find_channel(recording, name).has_value(); });
+  if (count == 0) {
+    std::vector<std::string> known;
+    for (const char* group : {"sensors", "actuators", "registers"})
+      std::ranges::copy(recording.channel_names(group), std::back_inserter(known));
+    throw_plot_error(kind + ":" + arguments[0], known.empty()
+                                                    ? recording.path().string() + " holds no channels"
+                                                    : "no such channel; known: " + common::join(known) +
+                                                          common::did_you_mean(arguments[0], known));
+  }
+  const std::string name = joined(arguments, 0, count);
+  return channel_series(recording, name, *find_channel(recording, name),
+                        {arguments.begin() + static_cast<std::ptrdiff_t>(count), arguments.end()});
 }
 
 // One curve per object in `ids`; if there are none, the mean over the existing objects that are not fixed.
@@ -187,14 +262,18 @@ TimeSeries contact_count_series(const Recording& recording, const std::string& k
 TimeSeries metric_series(const Recording& recording, const std::string& kind, const Arguments& names) {
   const std::vector<std::string> known = recording.metric_names();
   if (names.empty()) throw_plot_error(kind, "needs a name: metric:NAME");
-  TimeSeries result{"Metrics of the script", names.size() == 1 ? names[0] : "value", {}};
-  for (const std::string& name : names) {
-    if (std::ranges::find(known, name) == known.end())
+  TimeSeries result{"Metrics of the script", "value", {}};
+  for (std::size_t first = 0, count = 0; first < names.size(); first += count) {
+    count = longest_name(
+        names, first, [&](const std::string& name) { return std::ranges::find(known, name) != known.end(); });
+    const std::string name = joined(names, first, std::max<std::size_t>(count, 1));
+    if (count == 0)
       throw_plot_error(kind + ":" + name, known.empty() ? recording.path().string() + " holds no metrics"
                                                         : "no such metric; known: " + common::join(known) +
                                                               common::did_you_mean(name, known));
     result.curves.push_back({name, recording.read_metric(name)});
   }
+  if (result.curves.size() == 1) result.axis_title = result.curves[0].name;
   result.success_s = recording.success_s();
   return result;
 }
@@ -211,7 +290,8 @@ TimeSeries register_series(const Recording& recording, const std::string& kind, 
                                                             name + " keeps"
                                                       : "no such register; known: " + common::join(known) +
                                                             common::did_you_mean(name, known));
-  return channel_series(recording, "registers", name, {arguments.begin() + 1, arguments.end()});
+  return channel_series(recording, name, {"registers", name, std::nullopt},
+                        {arguments.begin() + 1, arguments.end()});
 }
 
 struct SeriesDefinition {
@@ -220,16 +300,18 @@ struct SeriesDefinition {
   TimeSeries (*make)(const Recording&, const std::string& kind, const Arguments&);
 };
 // To add a series, write its function and add a line here.
-constexpr SeriesDefinition kSeriesDefinitions[] = {{"speed", "speed[:ID…]", speed_series},
-                                                   {"spin", "spin[:ID…]", spin_series},
-                                                   {"x", "x[:ID…]", coordinate_series},
-                                                   {"y", "y[:ID…]", coordinate_series},
-                                                   {"z", "z[:ID…]", coordinate_series},
-                                                   {"objects", "objects", object_count_series},
-                                                   {"contacts", "contacts", contact_count_series},
-                                                   {"metric", "metric:NAME…", metric_series},
-                                                   {"height", "height:ROW,COLUMN…", height_series},
-                                                   {"apron", "apron:NAME:ROW,COLUMN…", register_series}};
+constexpr SeriesDefinition kSeriesDefinitions[] = {
+    {"speed", "speed[:ID…]", speed_series},
+    {"spin", "spin[:ID…]", spin_series},
+    {"x", "x[:ID…]", coordinate_series},
+    {"y", "y[:ID…]", coordinate_series},
+    {"z", "z[:ID…]", coordinate_series},
+    {"objects", "objects", object_count_series},
+    {"contacts", "contacts", contact_count_series},
+    {"metric", "metric:NAME…", metric_series},
+    {"height", "height:ROW,COLUMN…", height_series},
+    {"apron", "apron:NAME:ROW,COLUMN…", register_series},
+    {"channel", "channel:NAME:ROW,COLUMN…", named_channel_series}};
 
 }  // namespace
 
@@ -242,22 +324,37 @@ std::vector<std::string> time_series_kinds() {
 TimeSeries time_series(const Recording& recording, const std::string& kind, const Arguments& arguments) {
   std::vector<std::string> known = {"trajectories", "time-spent"};
   for (const SeriesDefinition& definition : kSeriesDefinitions) {
-    if (kind == definition.name) return definition.make(recording, kind, arguments);
     known.emplace_back(definition.name);
+    if (kind != definition.name) continue;
+    try {
+      return definition.make(recording, kind, arguments);
+    } catch (const scene::InputError& error) {
+      if (!find_channel(recording, kind)) throw;
+      throw scene::InputError(std::string(error.what()) + "; the recorded channel is channel:" + kind +
+                              ":ROW,COLUMN");
+    }
+  }
+  Arguments parts = {kind};
+  parts.insert(parts.end(), arguments.begin(), arguments.end());
+  const auto rest = [&](std::size_t count) {
+    return Arguments(parts.begin() + static_cast<std::ptrdiff_t>(count), parts.end());
+  };
+  if (const std::size_t count = longest_name(
+          parts, 0, [&](const std::string& name) { return find_channel(recording, name).has_value(); })) {
+    const std::string name = joined(parts, 0, count);
+    return channel_series(recording, name, *find_channel(recording, name), rest(count));
+  }
+  const std::vector<std::string> metrics = recording.metric_names();
+  if (const std::size_t count = longest_name(parts, 0, [&](const std::string& name) {
+        return std::ranges::find(metrics, name) != metrics.end();
+      })) {
+    require_no_arguments(joined(parts, 0, count), rest(count));
+    return metric_series(recording, "metric", {joined(parts, 0, count)});
   }
   for (const char* group : {"sensors", "actuators", "registers"})
-    for (const std::string& name : recording.channel_names(group)) {
-      if (kind == name) return channel_series(recording, group, name, arguments);
+    for (const std::string& name : recording.channel_names(group))
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
-    }
-  for (const std::string& name : recording.metric_names()) {
-    if (kind != name) {
-      known.push_back(name);
-      continue;
-    }
-    require_no_arguments(kind, arguments);
-    return metric_series(recording, "metric", {name});
-  }
+  known.insert(known.end(), metrics.begin(), metrics.end());
   throw_plot_error(kind,
                    "unknown kind of plot; known: " + common::join(known) + common::did_you_mean(kind, known));
 }

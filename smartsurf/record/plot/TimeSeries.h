@@ -23,9 +23,9 @@ struct TimeSeries {
 
 // The kinds with their arguments: "height:ROW,COLUMN…", "speed[:ID…]".
 std::vector<std::string> time_series_kinds();
-// kind: the name before the first colon, which may be that of a recorded channel. arguments: the parts after
-// it, separated by colons. Throws scene::InputError if the recording has no such kind or an argument is
-// invalid.
+// kind: what stands before the first colon, which may be the name of a recorded channel or metric or its
+// beginning. arguments: the parts after it, separated by colons. Throws scene::InputError if the recording
+// has no such kind or an argument is invalid.
 TimeSeries time_series(const Recording& recording, const std::string& kind,
                        const std::vector<std::string>& arguments);
 

@@ -38,9 +38,10 @@ Chart make_chart(const scene::SurfaceSpec& s) {
   const PlotGrid grid = make_plot_grid(s);
   const double width = grid.columns * s.pitch, height = grid.rows * s.pitch;
   const double points = 600.0 / std::max(width, height);
-  const PlotArea area{66.0, 62.0, std::max(width * points, 60.0), std::max(height * points, 60.0)};
-  const double x = grid.west, y = grid.south;
-  return {area, {x, x + width, "x, east [u]"}, {y, y + height, "y, north [u]"}};
+  const double x = grid.west, y = grid.south, area_height = std::max(height * points, 60.0);
+  const Axis north{y, y + height, "y, north [u]"};
+  const PlotArea area{y_axis_room(north, area_height), 62.0, std::max(width * points, 60.0), area_height};
+  return {area, {x, x + width, "x, east [u]"}, north};
 }
 
 }  // namespace
@@ -111,12 +112,15 @@ void TimeSpentPlot::draw_colour_bar(cairo_t* cr) const {
   cairo_stroke(cr);
   draw_text(cr, bar.left, bar.top - 8.0, "s", 12.0, Align::kLeft);
   double previous_y = -INFINITY;
-  for (const double value : tick_values(0.0, std::max(max_seconds_, 1e-9))) {
-    const double y = bar.bottom() - std::sqrt(value / std::max(max_seconds_, 1e-9)) * bar.height;
-    if (value > 0.0 && previous_y - y < 14.0) continue;  // skip labels that would overlap
+  const double top = std::max(max_seconds_, 1e-9);
+  const std::vector<double> ticks = tick_values(0.0, top);
+  const std::vector<std::string> labels = tick_labels(ticks);
+  for (std::size_t i = 0; i < ticks.size(); ++i) {
+    const double y = bar.bottom() - std::sqrt(ticks[i] / top) * bar.height;
+    if (i > 0 && previous_y - y < 14.0) continue;  // skip labels that would overlap
     previous_y = y;
     draw_line(cr, bar.right(), y, bar.right() + 4.0, y);
-    draw_text(cr, bar.right() + 7.0, y + 4.0, format_number(value), 11.0, Align::kLeft);
+    draw_text(cr, bar.right() + 7.0, y + 4.0, labels[i], 11.0, Align::kLeft);
   }
 }
 

@@ -14,26 +14,21 @@ namespace smartsurf::record {
 namespace {
 
 constexpr double kLongSide = 640.0, kMinWidth = 420.0, kMinHeight = 220.0;  // points
-constexpr double kLeft = 66.0, kRightMargin = 24.0, kTop = 62.0, kLegendOffset = 48.0, kLegendRow = 22.0;
-constexpr std::size_t kLegendColumns = 4;       // including the entries for start and end
+constexpr double kRightMargin = 24.0, kTop = 62.0, kLegendOffset = 48.0, kLegendRow = 22.0,
+                 kLegendTextOffset = 44.0;
+constexpr std::size_t kMaxLegendColumns = 4;    // including the entries for start and end
 constexpr double kMarkRadius = 4.6;             // radius of an O, arm of an X
 constexpr double kMargin = 0.03;                // margin around the surface, as a share of its longer side
 constexpr double kMinStep_points = 0.5;         // shorter moves are not visible
 constexpr std::size_t kBlockValues = 1u << 20;  // floats read at once
 
-struct LineStyle {
-  Rgba ink;
-  std::vector<double> dashes;
-};
-
 // Each pair of a colour and a pattern of dashes once; neighbours differ in both.
 const std::vector<LineStyle>& line_styles() {
   static const std::vector<LineStyle> all = [] {
-    const std::vector<double> dashes[] = {{}, {6.0, 3.5}, {1.5, 2.5}, {8.0, 3.0, 1.5, 3.0}, {12.0, 4.0}};
-    constexpr std::size_t kCount = std::size(dashes);
+    constexpr std::size_t kCount = std::size(kLineDashes);
     std::vector<LineStyle> styles;
     for (std::size_t i = 0; i < kCount * kCount; ++i)
-      styles.push_back({kLineColours[i % kCount], dashes[(i + i / kCount) % kCount]});
+      styles.push_back({kLineColours[i % kCount], kLineDashes[(i + i / kCount) % kCount]});
     return styles;
   }();
   return all;
@@ -45,13 +40,13 @@ Chart make_chart(const scene::SurfaceSpec& s) {
   const double x = outline.west, y = outline.south;
   const double total_width = width + 2.0 * margin, total_height = height + 2.0 * margin;
   const double points = kLongSide / std::max(total_width, total_height);
-  const PlotArea area{kLeft, kTop, std::max(total_width * points, kMinWidth),
-                      std::max(total_height * points, kMinHeight)};
+  PlotArea area{0.0, kTop, std::max(total_width * points, kMinWidth),
+                std::max(total_height * points, kMinHeight)};
   const double padding_x = (area.width / points - total_width) / 2.0,
                padding_y = (area.height / points - total_height) / 2.0;
-  return {area,
-          {x - margin - padding_x, x + width + margin + padding_x, "x, east [u]"},
-          {y - margin - padding_y, y + height + margin + padding_y, "y, north [u]"}};
+  const Axis north{y - margin - padding_y, y + height + margin + padding_y, "y, north [u]"};
+  area.left = y_axis_room(north, area.height);
+  return {area, {x - margin - padding_x, x + width + margin + padding_x, "x, east [u]"}, north};
 }
 
 void draw_circle(cairo_t* cr, double x, double y) {
@@ -79,7 +74,7 @@ void draw_mark(cairo_t* cr, const Rgba& ink, Shape shape) {
 }
 
 void set_line_style(cairo_t* cr, const LineStyle& style, double width, double alpha) {
-  set_pen(cr, {style.ink.r, style.ink.g, style.ink.b, alpha}, width);
+  set_pen(cr, {style.color.r, style.color.g, style.color.b, alpha}, width);
   cairo_set_dash(cr, style.dashes.data(), static_cast<int>(style.dashes.size()), 0.0);
 }
 
@@ -101,8 +96,18 @@ double TrajectoryPlot::width() const { return chart_.area().right() + kRightMarg
 double TrajectoryPlot::height() const {
   return chart_.area().bottom() + kLegendOffset + legend_rows() * kLegendRow + 8.0;
 }
+std::string TrajectoryPlot::legend_text(const Group& group) {
+  return group.name + " (" + std::to_string(group.objects.size()) + ")";
+}
+// As many as have room for the longest text.
+std::size_t TrajectoryPlot::legend_columns() const {
+  std::size_t longest = 1;
+  for (const Group& group : groups_) longest = std::max(longest, legend_text(group).size());
+  const double entry = kLegendTextOffset + 7.2 * static_cast<double>(longest) + 6.0;
+  return std::clamp<std::size_t>(static_cast<std::size_t>(chart_.area().width / entry), 1, kMaxLegendColumns);
+}
 double TrajectoryPlot::legend_rows() const {
-  return std::ceil(static_cast<double>(groups_.size() + 2) / kLegendColumns);
+  return std::ceil(static_cast<double>(groups_.size() + 2) / static_cast<double>(legend_columns()));
 }
 
 // Groups by label if there are labels, otherwise by size class. Exactly two labels are the two size classes.
@@ -227,7 +232,7 @@ void TrajectoryPlot::draw_group(cairo_t* cr, const Group& group) const {
 }
 
 void TrajectoryPlot::draw_marks(cairo_t* cr, const Group& group) const {
-  const Rgba ink = line_styles()[group.style].ink;
+  const Rgba ink = line_styles()[group.style].color;
   for (const std::size_t i : group.objects) {
     if (paths_[i].empty()) continue;
     const Point from = paths_[i].front(), to = paths_[i].back();
@@ -238,15 +243,15 @@ void TrajectoryPlot::draw_marks(cairo_t* cr, const Group& group) const {
 
 void TrajectoryPlot::draw_legend(cairo_t* cr) const {
   const PlotArea& area = chart_.area();
-  const double column = area.width / static_cast<double>(kLegendColumns);
+  const std::size_t columns = legend_columns();
+  const double column = area.width / static_cast<double>(columns);
   for (std::size_t i = 0; i < groups_.size() + 2; ++i) {
-    const double x = area.left + column * static_cast<double>(i % kLegendColumns);
-    const double y =
-        area.bottom() + kLegendOffset + kLegendRow * (static_cast<double>(i / kLegendColumns) + 0.5);
-    const double text_x = x + (i < groups_.size() ? 44.0 : 24.0), middle = x + 12.0;
+    const double x = area.left + column * static_cast<double>(i % columns);
+    const double y = area.bottom() + kLegendOffset + kLegendRow * (static_cast<double>(i / columns) + 0.5);
+    const double text_x = x + (i < groups_.size() ? kLegendTextOffset : 24.0), middle = x + 12.0;
     std::string text = i == groups_.size() ? "start" : "end";
     if (i < groups_.size()) {
-      text = groups_[i].name + " (" + std::to_string(groups_[i].objects.size()) + ")";
+      text = legend_text(groups_[i]);
       set_line_style(cr, line_styles()[groups_[i].style], 1.8, 1.0);
       draw_line(cr, x, y, x + 36.0, y);
       cairo_set_dash(cr, nullptr, 0, 0.0);

@@ -39,6 +39,8 @@ class TrajectoryPlot final : public Figure {
   void draw_group(cairo_t* cr, const Group& group) const;
   void draw_marks(cairo_t* cr, const Group& group) const;
   void draw_legend(cairo_t* cr) const;
+  static std::string legend_text(const Group& group);
+  std::size_t legend_columns() const;
   double legend_rows() const;
 
   scene::SceneSpec spec_;

@@ -72,11 +72,7 @@ const scene::Snapshot& RecordedFrames::snapshot(std::uint64_t frame) const {
   return past_snapshot_;
 }
 
-// Returns only component 0 of a channel, whose history is all that a recording can read at once.
 std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
-  const auto widened = [](const std::vector<float>& values) {
-    return std::vector<double>(values.begin(), values.end());
-  };
   switch (signal.kind) {
     case view::Signal::Kind::kObject:
       return record::time_series(recording_, signal.quantity, {std::to_string(signal.object)})
@@ -92,8 +88,12 @@ std::vector<double> RecordedFrames::read_all(const view::Signal& signal) const {
             .values;
       if (index == channels_.size()) return {};
       const Source& source = sources_[index - 1];
-      if (source.component > 0) return {};
-      return widened(recording_.read_cell_history(source.group, source.name, signal.row, signal.column));
+      const std::size_t components = recording_.channel_components(source.group, source.name);
+      const std::vector<float> all =
+          recording_.read_cell_history(source.group, source.name, signal.row, signal.column);
+      std::vector<double> values;
+      for (std::size_t i = source.component; i < all.size(); i += components) values.push_back(all[i]);
+      return values;
     }
     case view::Signal::Kind::kRun:
       return record::time_series(recording_, signal.quantity, {}).curves[0].values;

@@ -91,14 +91,6 @@ std::string to_csv(const PlotExport& plot) {
   return text;
 }
 
-double round_up(double value) {
-  if (!(value > 0.0) || !std::isfinite(value)) return 1.0;
-  const double power = std::pow(10.0, std::floor(std::log10(value)));
-  for (const double factor : {1.0, 2.0, 5.0})
-    if (factor * power >= value * (1.0 - 1e-12)) return factor * power;
-  return 10.0 * power;
-}
-
 std::vector<CurvePoint> reduce_curve(std::span<const double> times, std::span<const double> values,
                                      double from, double to, int columns) {
   std::vector<CurvePoint> points;

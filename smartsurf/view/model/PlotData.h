@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/axis/Axis.h"
 #include "smartsurf/view/model/Signal.h"
 
 namespace smartsurf::view {
@@ -56,9 +57,7 @@ struct PlotExport {
 // One column per signal after `time_s`; a value that does not exist is an empty field.
 std::string to_csv(const PlotExport& plot);
 
-// The smallest of … 0.1, 0.2, 0.5, 1, 2, 5, 10 … that is at least `value`; 1 if value is not positive and
-// finite.
-double round_up(double value);
+using common::round_up;
 
 // Reduces the samples [begin, end) of a curve to points for `columns` pixel columns over the times [from,
 // to]: where several samples share a column, its least and largest in the order of their times. NaN separates

@@ -105,11 +105,21 @@ std::string format_speed(double actual, double requested) {
   return kept ? text : text + (" (" + format_pace(requested) + " wanted)");
 }
 
+// A long name leaves half of the panel to its value; a tooltip shows it all.
+void draw_row_name(const char* name) {
+  const float room = 0.5f * ImGui::GetWindowWidth();
+  std::string shown = name;
+  while (shown.size() > 1 && ImGui::CalcTextSize((shown + "...").c_str()).x > room) shown.pop_back();
+  const bool is_cut = shown.size() < std::string_view(name).size() && ImGui::CalcTextSize(name).x > room;
+  ImGui::TextColored(kDimTextColour, "%s", is_cut ? (shown + "...").c_str() : name);
+  if (is_cut && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name);
+}
+
 template <class... Values>
 void table_row(const char* name, const char* format, Values... values) {
   ImGui::TableNextRow();
   ImGui::TableNextColumn();
-  ImGui::TextColored(kDimTextColour, "%s", name);
+  draw_row_name(name);
   ImGui::TableNextColumn();
   ImGui::Text(format, values...);
 }

@@ -15,24 +15,17 @@ constexpr ImU32 kAxisColour = IM_COL32(150, 158, 168, 255), kGridColour = IM_COL
                 kTextColour = IM_COL32(70, 78, 90, 255), kNowColour = IM_COL32(40, 44, 52, 200),
                 kPaperColour = IM_COL32(255, 255, 255, 235);
 
-std::string format_tick(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", std::abs(value) < 1e-12 ? 0.0 : value);
-  return text;
-}
-
 struct Range {
   double low = INFINITY, high = -INFINITY;
   void include(double value) {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  // Adds a margin, and widens a range without extent.
-  void widen() {
-    if (!(low <= high)) *this = {0.0, 1.0};
-    const double margin = high > low ? 0.06 * (high - low) : std::max(0.05 * std::abs(high), 0.5);
-    low -= margin;
-    high += margin;
+  void add_margin() {
+    const auto [least, most] = common::resolvable({low, high});
+    const double margin = common::axis_margin(least, most, 0.06);
+    low = least - margin;
+    high = most + margin;
   }
 };
 
@@ -42,36 +35,44 @@ struct ChartArea {
   double from_s, to_s;
   Range values;
   float x(double time_s) const {
-    return low.x + static_cast<float>((time_s - from_s) / std::max(to_s - from_s, 1e-12)) * (high.x - low.x);
+    return low.x + static_cast<float>((time_s - from_s) / (to_s - from_s)) * (high.x - low.x);
   }
   float y(double value) const {
     return high.y - static_cast<float>((value - values.low) / (values.high - values.low)) * (high.y - low.y);
   }
 };
 
-// The distance of the lines of the grid: about `rows`, two at least.
-double value_step(const Range& values, double rows) {
-  double step = round_up((values.high - values.low) / rows);
-  while (std::floor(values.high / step) - std::ceil(values.low / step) < 1.0) step = round_up(0.3 * step);
-  return step;
+constexpr float kLabelGap = 5.0f;
+constexpr double kLeastSpan_s = 1e-3;  // of the axis of times
+
+std::vector<double> value_ticks(const ChartArea& area) {
+  const double rows = std::max(1.0f, std::floor((area.high.y - area.low.y) / (1.7f * ImGui::GetFontSize())));
+  return common::tick_values(area.values.low, area.values.high, rows);
+}
+
+float widest(const std::vector<std::string>& labels) {
+  float width = 0.0f;
+  for (const std::string& label : labels) width = std::max(width, ImGui::CalcTextSize(label.c_str()).x);
+  return width;
 }
 
 void draw_axes(const ChartArea& area, ImDrawList& list) {
   const float font = ImGui::GetFontSize();
   list.AddRectFilled(area.low, area.high, kPaperColour);
-  const double rows = std::max(1.0f, std::floor((area.high.y - area.low.y) / (1.7f * font)));
-  const double step = value_step(area.values, rows);
-  for (double v = std::ceil(area.values.low / step) * step; v <= area.values.high; v += step) {
-    const std::string text = format_tick(v);
-    const float y = area.y(v), width = ImGui::CalcTextSize(text.c_str()).x;
+  const std::vector<double> values = value_ticks(area);
+  const std::vector<std::string> labels = common::tick_labels(values);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::string& text = labels[i];
+    const float y = area.y(values[i]), width = ImGui::CalcTextSize(text.c_str()).x;
     list.AddLine({area.low.x, y}, {area.high.x, y}, kGridColour);
-    list.AddText({area.low.x - width - 5.0f, y - 0.5f * font}, kTextColour, text.c_str());
+    list.AddText({area.low.x - width - kLabelGap, y - 0.5f * font}, kTextColour, text.c_str());
   }
   const double columns = std::max(1.0f, std::floor((area.high.x - area.low.x) / (5.0f * font)));
-  const double step_s = round_up((area.to_s - area.from_s) / columns);
-  for (double t = std::ceil(area.from_s / step_s) * step_s; t <= area.to_s; t += step_s) {
-    const std::string text = format_tick(t) + " s";
-    const float x = area.x(t), width = ImGui::CalcTextSize(text.c_str()).x;
+  const std::vector<double> times = common::tick_values(area.from_s, area.to_s, columns);
+  const std::vector<std::string> time_labels = common::tick_labels(times);
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    const std::string text = time_labels[i] + " s";
+    const float x = area.x(times[i]), width = ImGui::CalcTextSize(text.c_str()).x;
     list.AddLine({x, area.low.y}, {x, area.high.y}, kGridColour);
     if (x + 0.5f * width < area.high.x + font)
       list.AddText({x - 0.5f * width, area.high.y + 2.0f}, kTextColour, text.c_str());
@@ -263,7 +264,7 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
   ChartArea area{{corner.x + 3.6f * font, corner.y + 0.3f * font},
                  {corner.x + width - 0.6f * font, corner.y + height - 1.4f * font},
                  chart.from_s,
-                 chart.to_s,
+                 std::max(chart.to_s, chart.from_s + kLeastSpan_s),
                  {}};
   std::vector<std::vector<CurvePoint>> curves;
   for (const std::size_t i : chart.series) {
@@ -273,7 +274,9 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
     for (const CurvePoint& point : curves.back())
       if (std::isfinite(point.value)) area.values.include(point.value);
   }
-  area.values.widen();
+  area.values.add_margin();
+  area.low.x =
+      std::max(area.low.x, corner.x + widest(common::tick_labels(value_ticks(area))) + 2.0f * kLabelGap);
   ImDrawList& list = *ImGui::GetWindowDrawList();
   draw_axes(area, list);
   list.PushClipRect(area.low, area.high, true);

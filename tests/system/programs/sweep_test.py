@@ -265,6 +265,45 @@ class Sweep(ProgramTest):
         # Two runs and the legend in grey: no success by then.
         self.assertEqual((self.folder / "out/results.svg").read_text().count("rgb(73.33"), 3)
 
+    def test_a_run_that_reaches_the_end_without_success_counts(self):
+        # stop(message, true) by seed 2 and 4 of the first weight, by none of the second.
+        self.write("table.lua", """
+            local weight, seed = option('weight', 1, 'a number'), option('number', 1, 'a number')
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            on_tick(function(t)
+              if weight == 1 and seed % 2 == 0 and t >= 0.05 then metric('won', 1) stop('there', true) end
+            end)
+            """)
+        for flags in ((), ("--success", "won")):
+            status, out, err = self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.2", "-o", "out", "--seeds", "1-2",
+                                                "--set", "number=1,2,3,4", "--set", "weight=1,2", *flags)
+            self.assertEqual(status, 0, out + err)
+            rates = {(row["weight"], row["number"]): row["success_rate"] for row in self.results("summary.csv")}
+            self.assertEqual([rates["1", n] for n in "1234"], ["0.0", "1.0", "0.0", "1.0"])
+            self.assertEqual([rates["2", n] for n in "1234"], ["0.0"] * 4)
+        self.write("table.lua", TABLE)
+        self.assertEqual(self.sweep()[0], 0)
+        self.assertNotIn("success_rate", self.results("summary.csv")[0])
+
+    def test_a_run_without_success_is_later_than_the_end(self):
+        self.write("table.lua", """
+            local early = random(0, 1) < 0.5
+            surface { rows = 4, columns = 4, actuator = pin {} }
+            on_tick(function(t) if early and t >= 0.05 then stop('there', true) end end)
+            """)
+        self.assertEqual(self.sweep("--seeds", "1-12")[0], 0)
+        won, row = sum(r["success"] == "True" for r in self.results()), self.results("summary.csv")[0]
+        self.assertTrue(0 < won < 12, won)
+        self.assertAlmostEqual(float(row["success_rate"]), won / 12)
+        if "success_s.q90" in row:
+            self.assertEqual(row["success_s.q90"], "")
+
+    def test_a_value_may_hold_a_comma(self):
+        self.write("table.lua", TABLE.replace("option('weight'", "option('name', 'a', 'a text') == '' and 0 or option('weight'"))
+        status, out, err = self.sweep("--set", r"name=a\,b,c")
+        self.assertEqual(status, 0, out + err)
+        self.assertEqual([r["name"] for r in self.results()], ["a,b", "c"])
+
     def test_summary_has_rates_medians_and_quantiles(self):
         self.write("table.lua", TABLE.replace("metric('chance'", "metric('success', weight > 1 and seed_digit > 0.2 and 1 or 0) "
                                                                 "metric('chance'"))

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "common/text/Words.h"
+
 namespace common {
 namespace {
 
@@ -17,6 +19,14 @@ TEST(Suggestion, NearestName) {
   EXPECT_EQ(nearest_name("a", {"b"}), "");
   EXPECT_EQ(nearest_name("", {"b"}), "");
   EXPECT_EQ(did_you_mean("shift.nroth", {"shift.north", "shift.south"}), "; did you mean 'shift.north'?");
+}
+
+TEST(Words, CapitalUnlessAFileBegins) {
+  EXPECT_EQ(with_capital("the ball fell"), "The ball fell");
+  EXPECT_EQ(with_capital("done: 3.5 s"), "Done: 3.5 s");
+  EXPECT_EQ(with_capital("sort.lua:12: no such pin"), "sort.lua:12: no such pin");
+  EXPECT_EQ(with_capital("out/run: cannot be written"), "out/run: cannot be written");
+  EXPECT_EQ(with_capital(""), "");
 }
 
 TEST(NearestName, FindsSingleEdits) {

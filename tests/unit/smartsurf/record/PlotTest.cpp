@@ -215,7 +215,7 @@ TEST(Plot, RejectsInvalidRequests) {
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
             "--what trajectory: unknown kind of plot; known: trajectories, time-spent, speed, spin, x, "
-            "y, z, objects, contacts, metric, height, apron, lift; did you mean 'trajectories'?");
+            "y, z, objects, contacts, metric, height, apron, channel, lift; did you mean 'trajectories'?");
   EXPECT_EQ(error_of("height", out / "a.png"), "--what height: needs a cell: height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3,32", out / "a.png"),
@@ -246,6 +246,122 @@ TEST(Plot, RejectsInvalidRequests) {
   const Recording empty = Recording::open(out / "empty.h5");
   for (const std::string kind : {"trajectories", "lift", "time-spent", "speed", "contacts"})
     EXPECT_THROW(write_plot(empty, kind, out / "a.png"), scene::InputError);
+}
+
+// Channels, labels and metrics whose names a kind of plot or a colon could hide.
+Recording record_names(const std::filesystem::path& path) {
+  SyntheticRun run;
+  run.spec.objects[0].label = "a:b";
+  run.spec.record.actuators = true;
+  const auto recorder = open_recorder(path, run.meta, run.spec);
+  std::vector<float> force(3 * 24), one(24);
+  for (std::uint64_t t = 0; t < 10; ++t) {
+    for (std::size_t i = 0; i < force.size(); ++i) force[i] = static_cast<float>(100 * (i / 24) + t);
+    one.assign(24, static_cast<float>(t));
+    const scene::ChannelData sensors[] = {{"tip_force", 4, 6, 3, force}, {"x", 4, 6, 1, one}},
+                             actuators[] = {{"speed", 4, 6, 1, one}};
+    const NamedNumber metrics[] = {{"err", 1.0}, {"err:x", 2.0}};
+    recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, sensors, actuators, metrics);
+  }
+  recorder->close({.outcome = "done"});
+  return Recording::open(path);
+}
+
+TEST(TimeSeries, ComponentsOfAChannel) {
+  const OutputFolder out;
+  const Recording recording = record_names(out / "run.h5");
+  const TimeSeries all = time_series(recording, "tip_force", {"1,1", "2,3"});
+  ASSERT_EQ(all.curves.size(), 6u);
+  EXPECT_EQ(all.curves[2].name, "row 1, column 1, [2]");
+  EXPECT_EQ(all.curves[2].values[7], 207.0);
+  const TimeSeries one = time_series(recording, "tip_force[1]", {"1,1"});
+  ASSERT_EQ(one.curves.size(), 1u);
+  EXPECT_EQ(one.title, "Channel tip_force[1]");
+  EXPECT_EQ(one.curves[0].values, (std::vector<double>{100, 101, 102, 103, 104, 105, 106, 107, 108, 109}));
+  const auto error_of = [&](const std::string& kind, const std::vector<std::string>& arguments) {
+    try {
+      time_series(recording, kind, arguments);
+    } catch (const scene::InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(error_of("tip_force[3]", {"1,1"}), "--what tip_force[3]: must be tip_force[0] to tip_force[2]");
+  EXPECT_EQ(error_of("channel", {"x[0]", "1,1"}), "--what x[0]: must be x, which has one component");
+  EXPECT_EQ(
+      error_of("x", {"1,1"}),
+      "--what x:1,1: must be x:ID, the number of an object; the recorded channel is channel:x:ROW,COLUMN");
+  EXPECT_EQ(error_of("channel", {"tip", "1,1"}),
+            "--what channel:tip: no such channel; known: tip_force, x, speed");
+}
+
+TEST(Plot, NamesLikeKindsAndWithColons) {
+  const OutputFolder out;
+  const Recording recording = record_names(out / "run.h5");
+  for (const std::string what :
+       {"channel:x:1,1", "channel:speed:1,1:2,2", "command: speed:1,1", "channel:command: speed:1,1",
+        "channel:tip_force[2]:0,0", "time-spent:a:b", "metric:err:x", "err:x", "metric:err:x:err"}) {
+    SCOPED_TRACE(what);
+    EXPECT_NO_THROW(write_plot(recording, what, out / "figure.svg"));
+  }
+  EXPECT_EQ(time_series(recording, "metric", {"err", "x"}).curves[0].values[0], 2.0);
+  EXPECT_EQ(time_series(recording, "metric", {"err", "x", "err"}).curves.size(), 2u);
+  EXPECT_EQ(time_series(recording, "err", {"x"}).curves[0].name, "err:x");
+}
+
+TEST(CurveChart, ConstantsUpToRoundingAreDrawn) {
+  const OutputFolder out;
+  for (const auto& [low, high] : {std::pair{0.3, 0.1 + 0.2}, {1e17, 1e17 + 160.0}}) {
+    SCOPED_TRACE(low);
+    write_curves({0.0, 1.0, 2.0}, {"Metric", "value", {{"metric", {low, high, low}}}}, "",
+                 out / "figure.png");
+    const ChartFigure figure(
+        make_curve_chart({0.0, 1.0, 2.0}, {"Metric", "value", {{"metric", {low, high, low}}}}, ""));
+    const double y = figure.chart().py(low);
+    EXPECT_TRUE(Image(out / "figure.png").is_blue(figure.chart().px(0.01), y)) << y;
+  }
+}
+
+TEST(CurveChart, SuccessTimeIsNeverZero) {
+  const auto label = [](double success_s) {
+    return make_curve_chart({0.0, 1.0}, {"Metric", "value", {{"metric", {0.0, 1.0}}}, success_s}, "")
+        .rule_label;
+  };
+  EXPECT_EQ(label(0.016667), "success at 0.01667 s");
+  EXPECT_EQ(label(45.233), "success at 45.23 s");
+  EXPECT_EQ(label(1234.56), "success at 1234.6 s");
+  EXPECT_EQ(label(30.0), "success at 30 s");
+}
+
+TEST(CurveChart, CurvesOfEqualColourHaveOtherDashes) {
+  const OutputFolder out;
+  TimeSeries series{"Eight", "value", {}};
+  for (int i = 0; i < 8; ++i) series.curves.push_back({std::to_string(i), {1.0 * i, 1.0 * i}});
+  write_curves({0.0, 1.0}, series, "", out / "figure.png");
+  const Image image(out / "figure.png");
+  const ChartFigure figure(make_curve_chart({0.0, 1.0}, series, ""));
+  const auto blue_share = [&](double y) {
+    int blue = 0;
+    for (int i = 0; i < 1000; ++i) blue += image.is_blue(figure.chart().px(0.001 * i), figure.chart().py(y));
+    return 0.001 * blue;
+  };
+  EXPECT_GT(blue_share(0.02), 0.95);
+  EXPECT_GT(blue_share(7.0), 0.5);
+  EXPECT_LT(blue_share(7.0), 0.8);
+}
+
+TEST(TrajectoryPlot, LongLabelsHaveFewerColumns) {
+  const OutputFolder out;
+  SyntheticRun run;
+  const auto record = [&](const std::string& label) {
+    run.spec.objects[0].label = label;
+    const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
+    recorder->record_frame(run.snapshot_at(0, {0, 1, 2}), run.spec.objects);
+    recorder->close({.outcome = "done"});
+    const TrajectoryPlot figure(Recording::open(out / "run.h5"));
+    return figure.height() - figure.chart().area().bottom();
+  };
+  EXPECT_NEAR(record(std::string(60, 'm')) - record("small"), 3 * 22.0, 1e-9) << "five rows in place of two";
 }
 
 class ChartFile : public testing::Test {
@@ -320,7 +436,52 @@ TEST_F(ChartFile, PanelsOfImagesAndLines) {
   EXPECT_TRUE(image.is_orange(figure.chart().px(0.0), top + figure.chart().py(0.0)));
 }
 
+TEST_F(ChartFile, SinglePointsAndPointsBetweenGapsAreDots) {
+  for (const std::string values :
+       {R"("x": [3], "y": [2])", R"("x": [1, 2, 3, 4, 5], "y": [1, null, 2, null, 3])"}) {
+    draw(R"({"layers": [{"mark": "line", "color": "#0000ff", )" + values + "}]}");
+    const Image image(out / "figure.png");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    EXPECT_TRUE(image.is_blue(figure.chart().px(3.0), figure.chart().py(2.0))) << values;
+  }
+}
+
+TEST_F(ChartFile, DecimationKeepsExtremesBesideGaps) {
+  std::string x = "0", y = "0";
+  for (int i = 1; i < 14400; ++i) {
+    x += "," + std::to_string(i);
+    y += i % 10 == 5 ? ",null" : i == 7202 ? ",100" : ",0";
+  }
+  draw(R"({"layers": [{"mark": "line", "color": "#0000ff", "x": [)" + x + R"(], "y": [)" + y + "]}]}");
+  const Image image(out / "figure.png");
+  const ChartFigure figure = read_chart_file(out / "chart.json");
+  EXPECT_TRUE(image.is_blue(figure.chart().px(7202.0), figure.chart().py(97.0)));
+}
+
+TEST_F(ChartFile, SmallRangesFillTheAxis) {
+  draw(R"({"layers": [{"mark": "line", "x": [0, 1e-6], "y": [0, 1]}]})");
+  const ChartFigure figure = read_chart_file(out / "chart.json");
+  EXPECT_NEAR(figure.chart().px(1e-6), figure.chart().area().right(), 1e-6);
+}
+
+TEST_F(ChartFile, LabelsHaveRoomBesideTheTitle) {
+  const auto left = [this](const std::string& values) {
+    draw(R"({"y": {"title": "value"}, "layers": [{"mark": "line", "x": [0, 1], "y": )" + values + "}]}");
+    return read_chart_file(out / "chart.json").chart().area().left;
+  };
+  EXPECT_EQ(left("[0, 1]"), 66.0);
+  EXPECT_GT(left("[100000000, 100000000.5]"), 66.0 + 40.0);
+}
+
 TEST_F(ChartFile, MistakesAreNamed) {
+  EXPECT_EQ(error_of(R"({"layers": [{"mark": "line", "x": [1, null], "y": [1, 2]}]})"),
+            "layers[0].x[1] = null: must be a number");
+  EXPECT_EQ(error_of(R"({"layers": [{"mark": "line", "x": [1, 2], "y": [1, "a"]}]})"),
+            "layers[0].y[1] = \"a\": must be a number or null");
+  EXPECT_EQ(error_of(R"({"x": {"categories": ["a"]}, "layers": [{"mark": "bar", "y": [1, 2]}]})"),
+            "layers[0].y has 2 bars: x.categories are only 1");
+  EXPECT_EQ(error_of(R"({"layers": [{"mark": "bar", "y": [1, 2]}]})"),
+            "layers[0].y has 2 bars: x.categories must name them");
   EXPECT_EQ(error_of("3"), "a chart: must be an object");
   EXPECT_TRUE(error_of("{").starts_with("is not JSON: "));
   EXPECT_EQ(error_of("{}"), "layers: must be a list of layers");
@@ -354,6 +515,50 @@ TEST(Chart, RoundTickValues) {
   const std::vector<double> tenths = tick_values(0.0, 1.04);
   ASSERT_EQ(tenths.size(), 6u);
   EXPECT_EQ(format_number(tenths[3]), "0.6");
+}
+
+TEST(Chart, TicksAreFewAndTheirLabelsDiffer) {
+  for (const auto& [low, high] : {std::pair{0.3, 0.1 + 0.2},
+                                  {1e17, 1e17 + 160.0},
+                                  {1e8, 1e8 + 0.5},
+                                  {-1e-13, 1e-13},
+                                  {0.0, 5e-324},
+                                  {-1.7e308, 1.7e308},
+                                  {NAN, NAN},
+                                  {-1e300, 1e300}}) {
+    SCOPED_TRACE(low);
+    const std::vector<double> ticks = tick_values(low, high);
+    EXPECT_GE(ticks.size(), 2u);
+    EXPECT_LE(ticks.size(), 9u);
+    std::vector<std::string> labels = tick_labels(ticks);
+    for (std::size_t i = 0; i < ticks.size(); ++i) EXPECT_EQ(labels[i] == "0", ticks[i] == 0.0) << labels[i];
+    std::ranges::sort(labels);
+    EXPECT_TRUE(std::ranges::adjacent_find(labels) == labels.end());
+  }
+  EXPECT_EQ(tick_labels(tick_values(1e8, 1e8 + 0.5))[1], "100000000.1");
+  EXPECT_EQ(tick_labels(tick_values(0.0, 1e-12))[1], "2e-13");
+  EXPECT_LT(tick_values(0.0, 1.0, 1.0).size(), 4u);
+}
+
+TEST_F(ChartFile, DecadesThinToWhatFits) {
+  const auto grid_lines = [this](const std::string& least) {
+    draw(R"({"y": {"scale": "log", "domain": [)" + least +
+         R"(, 1]}, "layers": [{"mark": "line", "x": [], "y": []}]})");
+    const Image image(out / "figure.png");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    const PlotArea& area = figure.chart().area();
+    int marks = 0;  // outside the frame, at its left
+    bool was_dark = false;
+    for (double y = area.top - 3.0; y < area.bottom() + 3.0; y += 0.5) {
+      const bool dark = (image.pixel_at(area.left - 2.0, y) & 0xFF) < 0x80;
+      marks += dark && !was_dark;
+      was_dark = dark;
+    }
+    return marks;
+  };
+  EXPECT_EQ(grid_lines("1e-3"), 4);
+  EXPECT_LE(grid_lines("1e-200"), 22);
+  EXPECT_GE(grid_lines("1e-200"), 3);
 }
 
 }  // namespace

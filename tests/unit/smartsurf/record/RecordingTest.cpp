@@ -264,7 +264,7 @@ TEST(Recording, Describe) {
         "radius 2 u)",
         "frames      100, ticks 0 to 99, 0 s to 1.65 s, every tick", "done after 100 ticks, 1.5 s simulated",
         "000000000000001f at the end", "metric      lift: 0 at the start, 9.9 at the end\n",
-        "success     at 0.5 s\n"})
+        "success     at 0.5333 s\n"})
     EXPECT_NE(text.find(part), std::string::npos) << part << " is missing in\n" << text;
   EXPECT_EQ(text.find("/objects/position"), std::string::npos) << text;
   EXPECT_NE(list_datasets(Recording::open(out / "run.h5"))

@@ -42,6 +42,7 @@ struct TestScene {
 struct StoredFrames final : History {
   std::vector<scene::Snapshot> frames;
   std::uint64_t first = 0;  // number of frames.front()
+  double metric_start = 0.0, metric_step = 1.0;
 
   std::uint64_t begin() const override { return first; }
   std::uint64_t end() const override { return first + frames.size(); }
@@ -51,8 +52,9 @@ struct StoredFrames final : History {
   }
   void read(const Signal& signal, std::uint64_t from, std::span<double> values) const override {
     for (std::size_t i = 0; i < values.size(); ++i)
-      values[i] = signal.kind == Signal::Kind::kObject ? object_value(signal, snapshot(from + i))
-                                                       : static_cast<double>(from + i);
+      values[i] = signal.kind == Signal::Kind::kObject
+                      ? object_value(signal, snapshot(from + i))
+                      : metric_start + metric_step * static_cast<double>(from + i);
   }
   std::vector<Signal> run_signals() const override { return {{Signal::Kind::kMetric, "frame", 0, 0, 0}}; }
 };

@@ -77,6 +77,21 @@ TEST_F(WindowTest, ShowsScenePanelAndHelp) {
   EXPECT_GT(different_pixels(image, shown()), 20000) << "no help";
 }
 
+TEST_F(WindowTest, LongMetricNamesLeaveRoomForValues) {
+  TestScene scene(8, 8);
+  Window window(scene.spec, "test", 800, 600);
+  Status status;
+  status.paused = true;
+  const auto shown = [&](double value) {
+    const std::pair<std::string, double> metrics[] = {{std::string(60, 'm'), value}};
+    status.metrics = metrics;
+    common::Image image;
+    for (int i = 0; i < 3; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
+    return image;
+  };
+  EXPECT_GT(different_pixels(shown(1.0), shown(88880.0)), 100) << "the value is cut";
+}
+
 TEST_F(WindowTest, CoexistsWithOffscreenRendering) {
   TestScene scene(8, 8);
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
@@ -210,6 +225,11 @@ TEST_F(WindowTest, ShowsPlotsOfTheStoredHistoryListAndEventMarks) {
   settings.plots = {*parse_signal("x:0")};
   window.apply(settings);
   EXPECT_GT(curve_pixels(shown()), 1000) << "no curve";
+  history.metric_start = 1e17;  // up to 1e17 + 16, the next number: a constant up to rounding
+  history.metric_step = 16.0 / 200.0;
+  settings.plots = {*parse_signal("frame")};
+  window.apply(settings);
+  EXPECT_GT(curve_pixels(shown()), 200) << "no constant";
   window.apply({});
   const common::Image before_list = shown();
   window.perform(UiAction::kEntities);
