@@ -223,6 +223,18 @@ void Preprocessor::define_function(Macro function) {
     meaning[parameter.name] = TokenKind::kParameter;
   }
   for (Line& line : body) {
+    const Tokens& words = line.tokens;
+    if (words.front().is_name("call") || words.front().is_name("callif")) {
+      const auto own = std::ranges::find_if(words, [&](const Token& token) {
+        return token.kind == TokenKind::kLabel && writes.labels().contains(token.text);
+      });
+      if (own != words.end())
+        report(
+            own->location,
+            "the label '#{}' of the function '{}' cannot be called, as 'return' ends the function: write a "
+            "function of its own before this one",
+            own->text, function.name);
+    }
     if (is_line(line, "return")) {
       const Location at = line.location;
       line.tokens = {make_token(TokenKind::kName, "jump", at), make_token(TokenKind::kPunctuator, "(", at),
