@@ -85,11 +85,11 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
   check_arguments(expansion);
   for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
     const Symbol* symbol = symbols_.find(argument.value.text);
+    const std::string name = (expansion.is_function ? "" : "$") + argument.parameter;
     if (argument.value.kind == ExpressionKind::kNumber)
-      scope.locals.push_back(
-          local_name({Value::from_constant(argument.value.number), {}, false, argument.parameter}));
+      scope.locals.push_back(local_name({Value::from_constant(argument.value.number), {}, false, name}));
     else if (argument.value.kind == ExpressionKind::kName && symbol != nullptr)
-      scope.locals.push_back(local_name({symbol->value, {}, false, argument.parameter}));
+      scope.locals.push_back(local_name({symbol->value, {}, false, name}));
   }
   if (may_be_masked()) isolate_from_masks(scope, scan_macro_body(body), builder_.location());
   scope.body = builder_.begin_body();
