@@ -144,6 +144,7 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   block.counter = counter;
   block.bound = bound;
   block.step = step;
+  for (const Value& value : {bound, step}) builder_.describe(value, "the 'for'");
   if (has_fraction) count_rounds(block, first);
   builder_.bind_label(block.test_label);
   emit_for_test(block);
@@ -155,6 +156,7 @@ void Lowering::count_rounds(Block& block, const Value& first) {
   constexpr double kRounding = 1e-3;  // of a step
   block.first = first;
   block.round = retained(builder_.allocate_scalar_temporary());
+  for (const Value& value : {block.first, block.round}) builder_.describe(value, "the 'for'");
   builder_.emit(Opcode::kCopy, builder_.operand(block.round), {builder_.literal_operand(0.0F)});
   const double margin = block.step.constant * kRounding;
   if (block.bound.is_constant()) {
@@ -166,6 +168,7 @@ void Lowering::count_rounds(Block& block, const Value& first) {
                 {builder_.operand(block.bound), builder_.literal_operand(static_cast<float>(margin))});
   builder_.release(block.bound);
   block.bound = limit;
+  builder_.describe(limit, "the 'for'");
 }
 
 // A copy of the value that the loop's body cannot change; the caller releases it.
@@ -208,6 +211,7 @@ void Lowering::open_repeat(const Expressions& arguments, Location location) {
   open_block(BlockKind::kRepeat, location);
   Block& block = blocks_.back();
   block.counter = remaining;
+  builder_.describe(remaining, "the 'repeat'");
   builder_.bind_label(block.test_label);
   builder_.emit(
       Opcode::kUnlessGt, {},
@@ -228,6 +232,7 @@ void Lowering::open_where(const Expressions& arguments, Location location) {
   open_block(BlockKind::kWhere, location);
   blocks_.back().where_shape = shape;
   blocks_.back().condition = condition;
+  builder_.describe(condition, "the 'where'");
   builder_.emit(Opcode::kMaskPush, {}, {builder_.operand(mask)});
 }
 

@@ -1,6 +1,8 @@
 // Macros: their arguments, local names and results. What a body writes under the caller's masks is what it
 // would write without them, selected by the masks: local registers ignore the masks that were in force when
 // the body began, and so do the caller's registers until the body ends.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -75,6 +77,7 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     } catch (const AlreadyReported&) {
     }
     builder_.retain(symbol.value);
+    builder_.describe(symbol.value, fmt::format("the argument '{}'", symbol.name));
     scope.values.push_back(symbol.value);
     symbols_.add(binding.name, symbol);
     scope.locals.push_back(local_name(symbol));
@@ -82,13 +85,14 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
   check_arguments(expansion);
   for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
     const Symbol* symbol = symbols_.find(argument.value.text);
+    const std::string name = (expansion.is_function ? "" : "$") + argument.parameter;
     if (argument.value.kind == ExpressionKind::kNumber)
-      scope.locals.push_back(
-          local_name({Value::from_constant(argument.value.number), {}, false, argument.parameter}));
+      scope.locals.push_back(local_name({Value::from_constant(argument.value.number), {}, false, name}));
     else if (argument.value.kind == ExpressionKind::kName && symbol != nullptr)
-      scope.locals.push_back(local_name({symbol->value, {}, false, argument.parameter}));
+      scope.locals.push_back(local_name({symbol->value, {}, false, name}));
   }
   if (may_be_masked()) isolate_from_masks(scope, scan_macro_body(body), builder_.location());
+  scope.body = builder_.begin_body();
   scopes_[expansion.id] = std::move(scope);
 }
 
@@ -251,6 +255,11 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
     fresh.value = retained(builder_.allocate_scalar_temporary());
   }
   symbols_.add(target.text, fresh);
+  builder_.describe(fresh.value, fmt::format("the local name '{}'", fresh.name));
+  const auto scope = std::ranges::find_if(scopes_, [&](const auto& entry) {
+    return entry.first == target.owner || entry.second.result_name == target.text;
+  });
+  if (scope != scopes_.end()) builder_.set_local(fresh.value, scope->second.body);
   if (target.owner != 0) {
     scopes_[target.owner].names.push_back(target.text);
     scopes_[target.owner].values.push_back(fresh.value);

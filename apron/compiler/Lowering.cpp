@@ -79,6 +79,7 @@ void Lowering::lower_statement(const Statement& statement) {
   const bool outer_array = is_register_statement_;
   if (statement.location.line > 0)
     builder_.set_location(statement.location, sources_.file(statement.location.file).name);
+  builder_.set_may_be_masked(may_be_masked());
   try {
     dispatch_statement(statement);
   } catch (const CompileError& error) {
@@ -495,7 +496,15 @@ program::Program Lowering::finish() {
     const syntax::ExpansionInfo& expansion = sources_.expansion(i);
     builder_.add_expansion(expansion, sources_.file(expansion.call.file).name);
   }
-  return builder_.finish();
+  if (!diagnostics_.empty()) return {};
+  try {
+    program::Program program = builder_.finish();
+    for (ScalarRead& read : scalar_reads_) read.instruction = builder_.final_position(read.instruction);
+    return program;
+  } catch (const CompileError& error) {
+    diagnostics_.error(error.location, error.message);
+    return {};
+  }
 }
 
 void Lowering::check_jumps() {

@@ -68,13 +68,20 @@ Value ProgramBuilder::allocate_temporary(Shape shape) {
   const auto free = take_lowest(free_registers_[shape]);
   const std::uint32_t index = free ? *free : add_register(fmt::format("${}", temporary_count_), shape);
   if (!free) ++temporary_count_;
-  return live_.emplace_back(Value{Value::Kind::kRegister, index, 0.0, true});
+  return add_temporary(index, true);
 }
 
 Value ProgramBuilder::allocate_scalar_temporary() {
   const auto free = take_lowest(free_variables_);
-  const std::uint32_t index = free ? *free : add_variable(fmt::format("${}", temporary_count_++));
-  return live_.emplace_back(Value{Value::Kind::kScalar, index, 0.0, true});
+  return add_temporary(free ? *free : add_variable(fmt::format("${}", temporary_count_++)), false);
+}
+
+Value ProgramBuilder::add_temporary(std::uint32_t storage, bool is_register) {
+  const std::uint32_t index = static_cast<std::uint32_t>(temporaries_.size()) | kTemporaryBit;
+  temporaries_.push_back({storage, is_register, position()});
+  temporary_locations_.push_back(location_);
+  return live_.emplace_back(
+      Value{is_register ? Value::Kind::kRegister : Value::Kind::kScalar, index, 0.0, true});
 }
 
 void ProgramBuilder::remove_live(const Value& value) {
@@ -87,8 +94,10 @@ void ProgramBuilder::remove_live(const Value& value) {
 void ProgramBuilder::release(const Value& value) {
   if (!value.is_temporary) return;
   remove_live(value);
-  std::vector<std::uint32_t>& free = value.is_register() ? free_registers_[shape(value)] : free_variables_;
-  if (std::ranges::find(free, value.index) == free.end()) free.push_back(value.index);
+  Temporary& temporary = temporaries_[value.index & ~kTemporaryBit];
+  if (temporary.last != Temporary::kNone) return;
+  temporary.last = position();
+  (value.is_register() ? free_registers_[shape(value)] : free_variables_).push_back(temporary.storage);
 }
 
 void ProgramBuilder::release_to(std::size_t mark) {
@@ -101,6 +110,19 @@ void ProgramBuilder::retain(const Value& value) {
 
 void ProgramBuilder::unretain(const Value& value) {
   if (value.is_temporary) live_.push_back(value);
+}
+
+std::size_t ProgramBuilder::begin_body() {
+  append(program::Opcode::kNop, {}, {}, true);
+  return bodies_.emplace_back(position() - 1);
+}
+
+void ProgramBuilder::set_local(const Value& value, std::size_t body) {
+  temporaries_[value.index & ~kTemporaryBit].entry = body;
+}
+
+void ProgramBuilder::describe(const Value& value, std::string description) {
+  if (value.is_temporary) descriptions_[value.index & ~kTemporaryBit] = std::move(description);
 }
 
 Operand ProgramBuilder::operand(const Value& value) {
@@ -133,13 +155,13 @@ Operand ProgramBuilder::text_operand(const std::string& value) {
 
 Shape ProgramBuilder::shape(const Value& value) const {
   if (!value.is_register()) return {};
-  const program::Register& reg = program_.registers[value.index];
+  const program::Register& reg = program_.registers[storage(value.index)];
   return {reg.width, reg.height, reg.type};
 }
 
 void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<Operand> operands,
                           bool masked) {
-  if (program_.code.size() + 1 >= program::kMaxInstructions) {
+  if (program_.code.size() - bodies_.size() + 1 >= program::kMaxInstructions) {
     fail(location_, "the program has more than {} instructions", program::kMaxInstructions);
   }
   append(op, destination, operands, masked);
@@ -153,6 +175,9 @@ void ProgramBuilder::append(program::Opcode op, Operand destination, const std::
   program_.code.push_back(
       {op, masked && !is_unmasked, static_cast<std::uint32_t>(locations - 1), destination, {}});
   std::ranges::copy(operands, program_.code.back().operands.begin());
+  keeps_cells_.push_back(program_.code.back().masked && may_be_masked_ &&
+                         destination.kind == OperandKind::kRegister);
+  if (op == program::Opcode::kCall) call_locations_[position() - 1] = location_;
 }
 
 bool ProgramBuilder::retarget_last(const Value& temporary, const Value& target) {
@@ -160,11 +185,14 @@ bool ProgramBuilder::retarget_last(const Value& temporary, const Value& target) 
   program::Instruction& last = program_.code.back();
   const Operand new_destination = operand(target);
   const bool matches = last.destination == operand(temporary) && temporary.kind == target.kind;
-  const bool reads_it = std::ranges::find(last.operands, new_destination) != last.operands.end();
+  const bool reads_it = std::ranges::any_of(last.operands, [&](const Operand& read) {
+    return read.kind == new_destination.kind && storage(read.index) == storage(new_destination.index);
+  });
   const bool aliases_source = reads_it && program::requires_out_of_place(last.op);
   if (!matches || last.op == program::Opcode::kPixelSet || aliases_source) return false;
   last.destination = new_destination;
   last.masked = !target.is_register() || !unmasked_registers_.contains(target.index);
+  keeps_cells_.back() = last.masked && may_be_masked_ && target.is_register();
   return true;
 }
 
@@ -189,12 +217,92 @@ Operand ProgramBuilder::label_operand(Label label) const { return {OperandKind::
 
 program::Program ProgramBuilder::finish() {
   append(program::Opcode::kEnd, {}, {}, true);
-  for (program::Instruction& instruction : program_.code) {
-    for (Operand& operand : instruction.operands) {
+  resolve_labels();
+  const Lifetimes lifetimes(program_, temporaries_, keeps_cells_);
+  check_recursion(lifetimes);
+  separate_temporaries(lifetimes);
+  start_locals(lifetimes);
+  resolve_temporaries();
+  return std::move(program_);
+}
+
+void ProgramBuilder::resolve_labels() {
+  for (program::Instruction& instruction : program_.code)
+    for (Operand& operand : instruction.operands)
       if (operand.kind == OperandKind::kLabel) operand.index = labels_[operand.index];
+}
+
+void ProgramBuilder::check_recursion(const Lifetimes& lifetimes) const {
+  for (std::uint32_t number = 0; number < temporaries_.size(); ++number) {
+    const std::optional<std::size_t> call = lifetimes.find_recursion(number);
+    if (!call) continue;
+    const auto found = descriptions_.find(number);
+    fail(call_locations_.at(*call),
+         "this call leads back to itself, and {} of line {} keeps one value for all depths of the recursion: "
+         "hold it in an array, with an element for each depth",
+         found != descriptions_.end() ? found->second : "an expression", temporary_locations_[number].line);
+  }
+}
+
+void ProgramBuilder::separate_temporaries(const Lifetimes& lifetimes) {
+  for (std::uint32_t number = 0; number < temporaries_.size(); ++number) {
+    if (!lifetimes.is_left(number)) continue;
+    Temporary& temporary = temporaries_[number];
+    location_ = temporary_locations_[number];
+    const std::string name = fmt::format("${}", temporary_count_++);
+    const Value value{Value::Kind::kRegister, temporary.storage};
+    temporary.storage = temporary.is_register ? add_register(name, shape(value)) : add_variable(name);
+  }
+}
+
+// Local names start at 0 in place of the mark where their body begins.
+void ProgramBuilder::start_locals(const Lifetimes& lifetimes) {
+  std::map<std::size_t, std::vector<std::uint32_t>> started;
+  for (std::uint32_t number = 0; number < temporaries_.size(); ++number)
+    if (lifetimes.is_read_first(number)) started[temporaries_[number].entry].push_back(number);
+  std::vector<program::Instruction> code;
+  code.reserve(program_.code.size());
+  const Operand zero = started.empty() ? Operand{} : literal_operand(0.0);
+  auto body = bodies_.begin();
+  for (const program::Instruction& instruction : program_.code) {
+    final_positions_.push_back(code.size());
+    if (body == bodies_.end() || *body != final_positions_.size() - 1) {
+      code.push_back(instruction);
+      continue;
+    }
+    for (const std::uint32_t number : started[*body++]) {
+      const Value value{temporaries_[number].is_register ? Value::Kind::kRegister : Value::Kind::kScalar,
+                        number | kTemporaryBit};
+      code.push_back({program::Opcode::kCopy, false, instruction.source_location, operand(value), {zero}});
     }
   }
-  return std::move(program_);
+  program_.code = std::move(code);
+  for (program::Instruction& instruction : program_.code)
+    for (Operand& operand : instruction.operands)
+      if (operand.kind == OperandKind::kLabel)
+        operand.index = static_cast<std::uint32_t>(final_position(operand.index));
+  for (program::LocalName& local : program_.local_names) {
+    local.first = static_cast<std::uint32_t>(final_position(local.first));
+    local.last = static_cast<std::uint32_t>(final_position(local.last));
+  }
+}
+
+std::size_t ProgramBuilder::final_position(std::size_t position) const {
+  return position < final_positions_.size() ? final_positions_[position] : program_.code.size();
+}
+
+void ProgramBuilder::resolve_temporaries() {
+  const auto resolve = [&](Operand& operand) {
+    if (operand.kind == OperandKind::kRegister || operand.kind == OperandKind::kVariable)
+      operand.index = storage(operand.index);
+  };
+  for (program::Instruction& instruction : program_.code) {
+    resolve(instruction.destination);
+    std::ranges::for_each(instruction.operands, resolve);
+  }
+  for (program::LocalName& local : program_.local_names) resolve(local.operand);
+  for (program::OperandGroup& group : program_.groups)
+    for (std::uint32_t& member : group.members) member = storage(member);
 }
 
 }  // namespace apron::compiler

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "apron/compiler/Lifetimes.h"
 #include "apron/program/Program.h"
 #include "apron/syntax/SourceManager.h"
 
@@ -72,6 +73,7 @@ class ProgramBuilder {
   std::uint32_t add_register(std::string name, Shape);
   std::uint32_t add_variable(std::string name);
 
+  // Temporaries share registers and variables, but one during whose life code outside may run has its own.
   Value allocate_temporary(Shape);
   Value allocate_scalar_temporary();
   void release(const Value&);  // ignores values that are not temporaries
@@ -80,6 +82,11 @@ class ProgramBuilder {
   void release_to(std::size_t mark);
   void retain(const Value&);  // until release()
   void unretain(const Value&);
+  // Marks where a macro's body begins. A local name that it reads before it writes is 0 from there on.
+  std::size_t begin_body();
+  void set_local(const Value&, std::size_t body);
+  // What holds the value, for the message that a recursion would overwrite it.
+  void describe(const Value&, std::string description);
 
   program::Operand operand(const Value&);
   program::Operand literal_operand(double);
@@ -95,6 +102,8 @@ class ProgramBuilder {
   // of `target`.
   bool retarget_last(const Value& temporary, const Value& target);
   std::size_t position() const noexcept { return program_.code.size(); }
+  // Whether a mask may be in force for the following instructions.
+  void set_may_be_masked(bool may_be_masked) noexcept { may_be_masked_ = may_be_masked; }
 
   Label new_label();
   void bind_label(Label);
@@ -102,12 +111,23 @@ class ProgramBuilder {
 
   program::Program& program() noexcept { return program_; }
   const program::Program& program() const noexcept { return program_; }
-  // Ends the code with kEnd and resolves the labels.
+  // Ends the code with kEnd, and resolves labels and temporaries.
   program::Program finish();
+  // After finish(): the position of an instruction that was at that position.
+  std::size_t final_position(std::size_t position) const;
 
  private:
   program::SourceLocation make_source(const syntax::Location& location, const std::string& file);
   void remove_live(const Value&);
+  Value add_temporary(std::uint32_t storage, bool is_register);
+  std::uint32_t storage(std::uint32_t index) const {
+    return (index & kTemporaryBit) != 0 ? temporaries_[index & ~kTemporaryBit].storage : index;
+  }
+  void resolve_labels();
+  void check_recursion(const Lifetimes&) const;
+  void separate_temporaries(const Lifetimes&);
+  void start_locals(const Lifetimes&);
+  void resolve_temporaries();
   static std::optional<std::uint32_t> take_lowest(std::vector<std::uint32_t>& free);
   void append(program::Opcode, program::Operand destination, const std::vector<program::Operand>&,
               bool masked);
@@ -121,6 +141,13 @@ class ProgramBuilder {
   std::vector<std::uint32_t> free_variables_;
   std::set<std::uint32_t> unmasked_registers_;
   std::vector<Value> live_;
+  std::vector<Temporary> temporaries_;
+  std::map<std::uint32_t, std::string> descriptions_;  // of temporaries
+  std::vector<syntax::Location> temporary_locations_;
+  std::map<std::size_t, syntax::Location> call_locations_;
+  std::vector<std::size_t> bodies_, final_positions_;
+  std::vector<bool> keeps_cells_;  // of an instruction: a mask may
+  bool may_be_masked_ = false;
   std::vector<std::uint32_t> labels_;
   std::size_t temporary_count_ = 0;
   std::size_t last_label_position_ = 0;  // position of the label placed last

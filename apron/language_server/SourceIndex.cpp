@@ -38,6 +38,16 @@ std::uint32_t sigil_length(TokenKind kind) {
   }
 }
 
+// In a macro's body '$name' and ':name' stand for the parameter and the local name.
+Token named_by_string(Token token) {
+  const bool is_name = token.text.size() > 1 && (token.text[0] == '$' || token.text[0] == ':');
+  if (token.kind != TokenKind::kString || !is_name) return token;
+  token.kind = token.text[0] == '$' ? TokenKind::kParameter : TokenKind::kLocalName;
+  token.text.erase(0, 1);
+  ++token.location.column;
+  return token;
+}
+
 // How a symbol is looked up: names, labels, parameters and locals of macros are kept apart.
 std::string key_of(TokenKind kind, const std::string& name) {
   switch (kind) {
@@ -268,7 +278,7 @@ class SourceIndex::Builder {
   void use(const Line& line) {
     note_joins(line);
     for (std::size_t i = 0; i < line.tokens.size(); ++i) {
-      const Token& token = line.tokens[i];
+      const Token token = named_by_string(line.tokens[i]);
       if (token.kind == TokenKind::kNumber || token.kind == TokenKind::kPunctuator) continue;
       if ((joins_at(line, i + 1) || (i > 0 && joins_at(line, i - 1))) &&
           part_kind(token) == Join::Kind::kText)

@@ -74,7 +74,9 @@ std::optional<std::size_t> find_register(const Program& program, std::string_vie
 
 const LocalName* find_local(const Program& program, std::string_view name, std::size_t instruction) noexcept {
   const auto found = std::ranges::find_if(program.local_names, [&](const LocalName& local) {
-    return local.name == name && local.first <= instruction && instruction < local.last;
+    const bool is_named =
+        local.name == name || (local.name.starts_with('$') && std::string_view(local.name).substr(1) == name);
+    return is_named && local.first <= instruction && instruction < local.last;
   });
   return found == program.local_names.end() ? nullptr : &*found;
 }

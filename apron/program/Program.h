@@ -173,7 +173,7 @@ const SourceLocation* find_location(const Program&, std::size_t instruction) noe
 
 // The index of the register of that name.
 std::optional<std::size_t> find_register(const Program&, std::string_view name) noexcept;
-// The local name that holds at an instruction, or null.
+// The local name that holds at an instruction, or null. A macro's parameter $a is also found as a.
 const LocalName* find_local(const Program&, std::string_view name, std::size_t instruction) noexcept;
 // "'NAME'", and a suggestion if a register has a similar name, for messages that there is none of that name.
 std::string unknown_register(const Program&, const std::string& name);

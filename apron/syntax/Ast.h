@@ -13,8 +13,10 @@
 
 namespace apron::syntax {
 
-// Maximum depth of an expression, macro bodies included.
+// Maximum depth of an expression, macro bodies included. The operators of a + b + c are on one level.
 inline constexpr std::size_t kMaxExpressionDepth = 200;
+// Maximum height of an expression's tree, in which each of them is below the next.
+inline constexpr std::size_t kMaxExpressionHeight = 500;
 
 enum class ExpressionKind : std::uint8_t {
   kNumber,     // number
@@ -40,7 +42,7 @@ struct Expression {
   std::uint32_t owner = 0;  // of a macro's local name: the number of the expansion that it belongs to
   std::vector<Expression> children;
   std::shared_ptr<MacroExpansion> expansion;
-  std::size_t depth = 1;
+  std::size_t depth = 1, height = 1;
 };
 
 // An argument of more than one token: evaluated once, before the macro's body.

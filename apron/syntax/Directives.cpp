@@ -300,7 +300,17 @@ void Preprocessor::handle_macro_def(const Tokens& tokens) {
   if (parse_macro_body(macro, macro.location) && signature_valid) add_macro(std::move(macro));
 }
 
+bool Preprocessor::may_call_routine(const std::vector<Line>& body) const {
+  return std::ranges::any_of(body, [&](const Line& line) {
+    return std::ranges::any_of(line.tokens, [&](const Token& token) {
+      return token.kind == TokenKind::kName &&
+             (token.text == "call" || token.text == "callif" || calling_macros_.contains(token.text));
+    });
+  });
+}
+
 void Preprocessor::add_macro(Macro macro) {
+  if (may_call_routine(macro.body)) calling_macros_.insert(macro.name);
   if (macro.parameters.size() > kMaxParameters) {
     report(macro.location, "the {} '{}' has {} parameters: {} at most",
            macro.is_function ? "function" : "macro", macro.name, macro.parameters.size(), kMaxParameters);

@@ -204,12 +204,13 @@ void Preprocessor::define_function(Macro function) {
   const bool has_registers = std::ranges::any_of(function.parameters, [](const MacroParameter& parameter) {
     return parameter.type == ArgumentType::kRegister;
   });
+  const bool may_call = may_call_routine(body);
   for (const MacroParameter& parameter : function.parameters) {
     const bool is_written = writes.count(parameter.name) > 0;
     const bool is_copied = parameter.type == ArgumentType::kAny || parameter.type == ArgumentType::kPlane ||
                            parameter.type == ArgumentType::kNumber;
-    // A register that the function writes may be given as a plane as well.
-    if (is_copied && !parameter.is_array && (is_written || has_registers)) {
+    // A register that the function writes may be given as a plane as well; a routine may write any name.
+    if (is_copied && !parameter.is_array && (is_written || has_registers || may_call)) {
       meaning[parameter.name] = TokenKind::kLocalName;
       before.push_back(
           copy_line(TokenKind::kLocalName, parameter.name, TokenKind::kParameter, parameter.name, location));
@@ -223,6 +224,18 @@ void Preprocessor::define_function(Macro function) {
     meaning[parameter.name] = TokenKind::kParameter;
   }
   for (Line& line : body) {
+    const Tokens& words = line.tokens;
+    if (words.front().is_name("call") || words.front().is_name("callif")) {
+      const auto own = std::ranges::find_if(words, [&](const Token& token) {
+        return token.kind == TokenKind::kLabel && writes.labels().contains(token.text);
+      });
+      if (own != words.end())
+        report(
+            own->location,
+            "the label '#{}' of the function '{}' cannot be called, as 'return' ends the function: write a "
+            "function of its own before this one",
+            own->text, function.name);
+    }
     if (is_line(line, "return")) {
       const Location at = line.location;
       line.tokens = {make_token(TokenKind::kName, "jump", at), make_token(TokenKind::kPunctuator, "(", at),

@@ -101,6 +101,13 @@ std::string Parser::too_deep() const {
                      preprocessor_.endless_function());
 }
 
+void Parser::check_depth(const Expression& expression) const {
+  if (expression.depth > kMaxExpressionDepth) fail_at(expression.location, "{}", too_deep());
+  if (expression.height > kMaxExpressionHeight)
+    fail_at(expression.location, "this expression has more than {} operators in a chain: write several lines",
+            kMaxExpressionHeight - 1);
+}
+
 Expression Parser::make_expression(ExpressionKind kind, const Token& token,
                                    std::vector<Expression> children) const {
   Expression expression;
@@ -109,10 +116,12 @@ Expression Parser::make_expression(ExpressionKind kind, const Token& token,
   expression.text = token.text;
   expression.number = token.number;
   expression.owner = token.owner;
-  for (const Expression& child : children) expression.depth = std::max(expression.depth, child.depth + 1);
-  if (expression.depth > kMaxExpressionDepth) {
-    fail_at(token.location, "{}", too_deep());
+  for (const Expression& child : children) {
+    const bool is_chain = kind == ExpressionKind::kBinary && &child == children.data() && child.kind == kind;
+    expression.depth = std::max(expression.depth, child.depth + (is_chain ? 0 : 1));
+    expression.height = std::max(expression.height, child.height + 1);
   }
+  check_depth(expression);
   expression.children = std::move(children);
   return expression;
 }
@@ -180,10 +189,10 @@ Expression Parser::parse_not(int level) {
 }
 
 Expression Parser::parse_unary() {
-  const DepthGuard nested(*this);
   const bool is_prefix =
       !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!") || cursor_->is("~"));
   if (!is_prefix) return parse_primary();
+  const DepthGuard nested(*this);
   const Token op = *cursor_++;
   Expression operand = parse_not(kTightest);
   // `!operator(-, m)` where m has one operand: -a is m(a).
@@ -256,7 +265,6 @@ Parser::Cursor Parser::find_closing_bracket(Cursor open) const {
 
 // Starts at the '(' after the name.
 Expression Parser::parse_call(const Token& name) {
-  const DepthGuard nested(*this);
   if (name.is_name("not")) check_negation(name);
   if (preprocessor_.macros().contains(name.text)) {
     const Cursor close = find_closing_bracket(cursor_);
@@ -469,18 +477,18 @@ Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& ca
     throw AlreadyReported{};
   }
   parse_lines(min_depth, expansion.body);
-  std::size_t deepest = 0;
+  const auto contain = [&](const Expression& inner) {
+    expression.depth = std::max(expression.depth, inner.depth + 1);
+    expression.height = std::max(expression.height, inner.height + 1);
+  };
   for (const Statement& statement : expansion.body) {
-    deepest = std::max({deepest, statement.target.depth, statement.value.depth});
+    contain(statement.target);
+    contain(statement.value);
     if (statement.expansion == nullptr) continue;
-    for (const ArgumentBinding& binding : statement.expansion->bindings)
-      deepest = std::max(deepest, binding.value.depth);
+    for (const ArgumentBinding& binding : statement.expansion->bindings) contain(binding.value);
   }
-  for (const ArgumentBinding& binding : expansion.bindings) deepest = std::max(deepest, binding.value.depth);
-  expression.depth = deepest + 1;
-  if (expression.depth > kMaxExpressionDepth) {
-    fail_at(call.location, "{}", too_deep());
-  }
+  for (const ArgumentBinding& binding : expansion.bindings) contain(binding.value);
+  check_depth(expression);
   return expression;
 }
 

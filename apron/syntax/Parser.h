@@ -69,7 +69,8 @@ class Parser {
                                     Location) const;
   void check_integer(const MacroParameter&, const Macro&, MacroArgument&, Location);
   void check_operands(const Token& call, const Macro&, const std::vector<Tokens>& operands) const;
-  std::string too_deep() const;  // the message
+  std::string too_deep() const;
+  void check_depth(const Expression&) const;  // the message
   [[noreturn]] void fail_no_overload(const Token& call, std::size_t arguments, bool result) const;
   Cursor find_closing_bracket(Cursor open) const;
 

@@ -179,6 +179,7 @@ class Preprocessor {
   void push_file(const std::string& path, std::string text, Location from);
   void handle_define(const Tokens&);
   void handle_macro_def(const Tokens&);
+  bool may_call_routine(const std::vector<Line>& body) const;
   void add_macro(Macro);
   void handle_for(const Tokens&);
   bool parse_macro_signature(const Tokens&, Macro&);
@@ -210,6 +211,7 @@ class Preprocessor {
   std::map<std::string, std::string> operators_;
   std::map<std::string, OperandKind> operand_kinds_;
   MacroTable macros_;
+  std::set<std::string> calling_macros_;  // in whose bodies a routine may run
   std::string module_;
   std::vector<MacroTable::Handle> assigning_plainly_;  // defined before the last `!operator(=, …)`
   bool original_ = false;

@@ -67,6 +67,11 @@ class Debug(unittest.TestCase):
         self.assertIn("106 109 112 115", out)
         self.assertIn("error: the program has no register 'm2'", "\n".join(out))
 
+    def test_parameters_of_macros_have_their_sign(self):
+        self.write("!register(A)\n!macro_def\nm($x, $k, $e)\n!macro_begin\n$x = $x * $k + $e\n!macro_end\nn = 5\nA = 2\nm(A, n, n + 1)\n")
+        out = self.debug("break 5", "c", "print $k", "print k", "print $x 0 0", "print $e")
+        self.assertEqual(out[-4:], ["$k = 5", "k = 5", "$x(0, 0) = 2", "$e = 6"])
+
     def test_a_changed_cell_stops_the_program(self):
         # Drawn writes to single cells: the program stops where the watched one gets another value, and nowhere else.
         draw = random.Random(5)

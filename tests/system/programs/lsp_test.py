@@ -232,6 +232,13 @@ class LanguageServer(unittest.TestCase):
             self.assertEqual(self.rename("Q", "Z", 1 - occurrence), renamed)
         self.assertEqual(self.rename("Q', REGISTER", "Z"), renamed)
 
+    def test_rename_reaches_strings_that_are_a_name_of_the_macro(self):
+        self.change("!macro_def\nshow($name)\n!macro_begin\n:t = $name\nprintln('$name', ':t', ' $name', :t)\n!macro_end\nn = 3\nshow(n)\n")
+        for occurrence in range(3):
+            self.assertEqual(self.rename("name", "word", occurrence),
+                             self.text.replace("$name", "$word").replace("' $word'", "' $name'"))
+        self.assertEqual(self.rename("t = ", "u"), self.text.replace(":t", ":u"))
+
     def test_rename_refuses_names_that_are_joined(self):
         self.change("!macro_def\nkeep($n)\n!macro_begin\n$n ## _old = $n\n!macro_end\n!register(A, B, A_old, x1, x2)\nx = 1\n"
                     "keep(A)\n!for(j, 1, 2)\n  x ## j = j + x\n!endfor\nprintln(A, B, A_old, x1, x2, x)\n")

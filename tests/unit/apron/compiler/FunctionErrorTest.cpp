@@ -49,6 +49,17 @@ TEST(FunctionErrors, NameTheArgument) {
             at + "5: error: no macro 'f' takes 1 argument and gives a result; there is y = f(a, n)");
 }
 
+TEST(FunctionErrors, LabelsOfTheirOwnCannotBeCalled) {
+  for (const char* call : {"call(#sub)", "callif(n > 1, #sub)"})
+    EXPECT_NE(error("function y = g(number n)\ny = n\n" + std::string(call) +
+                    "\njump(#out)\n#sub\ny = y + 1\nreturn\n#out\nendfunction")
+                  .find("error: the label '#sub' of the function 'g' cannot be called, as 'return' ends the "
+                        "function: write a function of its own before this one"),
+              std::string::npos);
+  EXPECT_EQ(error("function y = g(number n)\ny = n\ncall(#sub)\nendfunction\nx = g(1)\nend\n#sub\nreturn"),
+            "");
+}
+
 TEST(FunctionErrors, FunctionsThatCallThemselves) {
   const std::string told = ": the function 'g' calls itself; functions cannot, unless an !if ends it";
   const std::string nested =

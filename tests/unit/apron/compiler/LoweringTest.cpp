@@ -219,6 +219,58 @@ TEST(Listing, ReportsReadBeforeWriteOnAllPaths) {
   EXPECT_NE(compiled("y = x\nend\nx = 1").find("the scalar 'x' is read here"), std::string::npos);
 }
 
+// What a block holds has storage of its own only if a routine runs in it.
+TEST(Listing, LoopsWithoutCallsShareTheirCounters) {
+  const std::string loop = "repeat(3)\nx = (x + 1) * (x + 2)\nendrepeat\n";
+  const CompileResult plain =
+      compile_text("x = 0\n" + loop + loop + "call(#f)\nend\n#f\n" + loop + "return\n");
+  ASSERT_TRUE(plain.program) << errors(plain);
+  EXPECT_EQ(plain.program->variables.size(), 4U);  // x, a counter, two of the sum
+  const std::string calling = "repeat(3)\ncall(#f)\nendrepeat\n";
+  const CompileResult calls = compile_text("x = 0\n" + calling + calling + "end\n#f\n" + loop + "return\n");
+  ASSERT_TRUE(calls.program) << errors(calls);
+  EXPECT_EQ(calls.program->variables.size(), 6U);
+}
+
+TEST(Listing, RefusesARecursionThatOverwritesWhatItsCallerHolds) {
+  const auto error = [](const std::string& text) { return first_line(errors(compile_text(text + "\n"))); };
+  const std::string told =
+      " keeps one value for all depths of the recursion: hold it in an array, with an "
+      "element for each depth";
+  const std::string back = "error: this call leads back to itself, and ";
+  EXPECT_EQ(error("d = 0\ncall(#f)\nend\n#f\nd = d + 1\nif(d < 3)\nrepeat(2)\ncall(#f)\nendrepeat\nendif\n"
+                  "return"),
+            "main.aps:8:1: " + back + "the 'repeat' of line 7" + told);
+  EXPECT_EQ(error("n = 3\ncall(#f)\nend\n#f\nfor(i, 0, n)\ncall(#g)\nendfor\nreturn\n#g\ncallif(n > 5, #f)\n"
+                  "return"),
+            "main.aps:6:1: " + back + "the 'for' of line 5" + told);
+  const std::string macro = "!macro_def\nm($a)\n!macro_begin\n:t = $a\ncall(#f)\n";
+  const std::string uses = "!macro_end\nd = 0\ncall(#f)\nend\n#f\nd = d + 1\nif(d < 5)\nm(d)\nendif\nreturn";
+  EXPECT_EQ(error(macro + "d = :t\n" + uses),
+            "main.aps:5:1: " + back + "the local name ':t' of line 4" + told);
+  // The local name is not read after the call.
+  EXPECT_EQ(error(macro + uses), "");
+  EXPECT_EQ(error("d = 0\ncall(#f)\nend\n#f\nd = d + 1\ncallif(d < 5, #f)\nrepeat(2)\nd = d + 1\nendrepeat\n"
+                  "return"),
+            "");
+  // It starts the program again, and no routine returns from there.
+  EXPECT_EQ(
+      error("n = 0\n#start\nrepeat(3)\ncall(#f)\nendrepeat\nend\n#f\nn = n + 1\nif(n == 2)\njump(#start)\n"
+            "endif\nreturn"),
+      "");
+}
+
+// A local name starts at 0 where a path reads it before it writes it, and only there.
+TEST(Listing, LocalNamesStartAtZero) {
+  const auto function = [](const std::string& body) {
+    return compiled("function y = f(number a)\n" + body + "\nendfunction\nx = f(3)");
+  };
+  EXPECT_EQ(function("if(a > 0)\nt = 5\nelse\nt = 6\nendif\ny = t").find(", 0\n"), std::string::npos);
+  EXPECT_EQ(
+      compiled("n = 1\nfunction y = f(number a)\nif(a > 0)\nt = 5\nendif\ny = t\nendfunction\nx = f(n)"),
+      "copy n, 1\ncopy $0, 0\nunless.gt n, 0, @4\ncopy $0, 5\ncopy x, $0\n");
+}
+
 TEST(Listing, FiltersAndPropagation) {
   EXPECT_EQ(compiled("A = flood(A, B)"), "flood $0, A, B\ncopy A, $0\n");
   EXPECT_EQ(compiled("distance(A, B > 0)"), "gt $0, B, 0\ndistance A, $0\n");

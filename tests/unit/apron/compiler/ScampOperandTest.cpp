@@ -111,9 +111,12 @@ std::string call(const std::string& mnemonic, const std::vector<std::string>& op
   return mnemonic + (operands.empty() ? "" : '(' + text + ')') + '\n';
 }
 
+// Digital operands are different registers, as XOR requires.
 std::vector<std::string> examples(const std::string& kinds) {
   std::vector<std::string> operands;
-  for (const char kind : kinds) operands.push_back(kExample.at(kFits.at(kind).back()));
+  for (const char kind : kinds)
+    operands.push_back(kind == 'd' ? "S" + std::to_string(operands.size() + 1)
+                                   : kExample.at(kFits.at(kind).back()));
   return operands;
 }
 
@@ -205,6 +208,42 @@ TEST(ScampOperands, MessagesNameTheOtherKindOrTheNearestName) {
       message("scamp5_scan_events(R5, A)"),
       "main.aps:3:24: error: operand 2 of 'scamp5_scan_events' must be a register of your own, not 'A', an "
       "analogue register (A to F, NEWS)");
+}
+
+// The sequences overwrite scratch registers, and XOR its destination, before they read these operands.
+TEST(ScampOperands, RegistersThatTheSequenceOverwritesAreRefused) {
+  struct Case {
+    const char *line, *mnemonic, *overwritten;
+  };
+  for (const auto& [line, mnemonic, overwritten] :
+       std::initializer_list<Case>{{"AND(R5, R0, R6)", "AND", "R0"},
+                                   {"AND(R5, R6, RF)", "AND", "R0"},
+                                   {"NAND(R5, R6, RP)", "NAND", "R12"},
+                                   {"ANDX(R5, R12, R6)", "ANDX", "R12"},
+                                   {"ANDX(R5, R6, R0)", "ANDX", "R0"},
+                                   {"NANDX(R5, R0, R6)", "NANDX", "R0"},
+                                   {"IMP(R5, R0, R6)", "IMP", "R0"},
+                                   {"NIMP(R5, R0, R6)", "NIMP", "R0"},
+                                   {"XOR(R5, R5, R6)", "XOR", "R5"},
+                                   {"XOR(R5, R6, R5)", "XOR", "R5"},
+                                   {"XORX(S0, S0, R6)", "XOR", "R5"},
+                                   {"XOR(R0, R5, R6)", "XOR", "R0"},
+                                   {"XOR(R12, R5, R6)", "XOR", "R12"},
+                                   {"XOR(R5, R12, R6)", "XOR", "R12"},
+                                   {"XOR(R5, R6, R0)", "XOR", "R0"},
+                                   {"MUX(R5, R0, R6, R7)", "MUX", "R0"},
+                                   {"MUX(R5, R6, R12, R7)", "MUX", "R12"},
+                                   {"MUX(R5, R6, R7, R0)", "MUX", "R0"},
+                                   {"CLR_IF(R5, R0)", "CLR_IF", "R0"}}) {
+    const CompileResult result = compile_kernel(line);
+    ASSERT_EQ(result.diagnostics.size(), 1U) << line;
+    EXPECT_EQ(result.diagnostics[0].message,
+              "the sequence of " + std::string(mnemonic) +
+                  " overwrites its operand: it must be another register than " + overwritten)
+        << line;
+  }
+  const CompileResult right = compile_kernel("AND(R5, R12, R5)\nIMP(R0, R5, R0)\nMUX(R5, R5, R6, R12)\n");
+  EXPECT_TRUE(right.program) << errors(right);
 }
 
 // Only instructions pass values between the machine's registers, a copy in a register of one's own is a

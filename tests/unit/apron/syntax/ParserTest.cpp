@@ -114,6 +114,17 @@ TEST(Parser, ReportsUnexpectedToken) {
   EXPECT_EQ(parse("#l x"), "t.aps:1:4: error: a label stands alone on its line");
   EXPECT_EQ(parse("y = " + std::string(300, '-') + "1"),
             "t.aps:1:204: error: this expression is nested more than 200 deep");
+  EXPECT_EQ(parse("y = " + std::string(199, '(') + "a" + std::string(199, ')')), "y = a");
+  EXPECT_EQ(parse("y = " + std::string(200, '(') + "a" + std::string(200, ')')),
+            "t.aps:1:205: error: this expression is nested more than 200 deep");
+  const auto sum = [](int terms) {
+    std::string text = "y = a";
+    for (int i = 1; i < terms; ++i) text += "+a";
+    return text;
+  };
+  EXPECT_EQ(parse(sum(500)).find("error"), std::string::npos);
+  EXPECT_NE(parse(sum(501)).find("error: this expression has more than 499 operators in a chain"),
+            std::string::npos);
 }
 
 }  // namespace
