@@ -1,5 +1,7 @@
 #include "smartsurf/simulation/Environment.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -41,6 +43,17 @@ void apply(const std::vector<std::pair<std::string, std::vector<double>>>& value
     parameters.back().set(scene, numbers);
   }
   for (const SceneParameter& parameter : parameters) parameter.check(scene);
+}
+
+// The names, with their sizes where these are not 1; "none" without any.
+template <class Named, class Size>
+std::string names_of(const std::vector<Named>& all, const Size& size) {
+  std::string text;
+  for (const Named& one : all) {
+    text += (text.empty() ? "" : ", ") + one.name;
+    if (size(one) != 1) text += fmt::format(" ({} numbers)", size(one));
+  }
+  return text.empty() ? "none" : text;
 }
 
 // Fetches memory part by part between other work: a core that asks for more than some 16 lines at once waits.
@@ -91,20 +104,32 @@ void Environment::load(std::optional<std::uint64_t> seed) {
 }
 
 void Environment::require_same_channels(const script::Experiment& other) const {
-  const scene::SurfaceSpec &a = scene().surface, &b = other.scene().surface;
-  const auto same_actuator = [](const auto& x, const auto& y) { return x.name == y.name; };
-  const auto same_sensor = [](const auto& x, const auto& y) {
-    return x.name == y.name && x.components == y.components;
-  };
-  const auto same_field = [](const auto& x, const auto& y) { return x.name == y.name && x.size == y.size; };
-  if (a.rows != b.rows || a.columns != b.columns ||
-      !std::ranges::equal(a.actuator_channels(), b.actuator_channels(), same_actuator) ||
-      !std::ranges::equal(scene::collect_channels(a.sensors), scene::collect_channels(b.sensors),
-                          same_sensor) ||
-      !std::ranges::equal(experiment_->info_fields(), other.info_fields(), same_field))
+  const std::string difference = channel_difference(other);
+  if (!difference.empty())
     throw scene::InputError(scene().file + ": with seed " + std::to_string(other.scene().world.seed) +
-                            ", the script declares another surface, other channels or another info{}: all "
-                            "episodes must have the same");
+                            ", the script declares another surface, other channels or another info{}: " +
+                            difference + "; all episodes must have the same");
+}
+
+std::string Environment::channel_difference(const script::Experiment& other) const {
+  const scene::SurfaceSpec &a = scene().surface, &b = other.scene().surface;
+  const auto differ = [](const std::string& what, const auto& own, const auto& others, const auto& size) {
+    const std::string had = names_of(own, size), has = names_of(others, size);
+    return had == has ? "" : what + " " + has + ", not " + had;
+  };
+  if (a.rows != b.rows || a.columns != b.columns) {
+    const auto cells = [](const auto& s) { return fmt::format("{} × {}", s.rows, s.columns); };
+    return "rows × columns are " + cells(b) + ", not " + cells(a);
+  }
+  std::string difference = differ("the actuator channels are", a.actuator_channels(), b.actuator_channels(),
+                                  [](const auto&) { return 1; });
+  if (difference.empty())
+    difference = differ("the sensor channels are", scene::collect_channels(a.sensors),
+                        scene::collect_channels(b.sensors), [](const auto& c) { return c.components; });
+  if (difference.empty())
+    difference = differ("the fields of info{} are", info_fields(*experiment_), info_fields(other),
+                        [](const auto& field) { return field.size; });
+  return difference;
 }
 
 void Environment::start_episode(std::uint64_t seed, const Values& values) {
@@ -441,9 +466,9 @@ StepResult Environment::step(std::span<const std::byte> prefetched) {
   return result;
 }
 
-std::vector<script::Experiment::InfoField> Environment::info_fields() const {
-  std::vector<script::Experiment::InfoField> fields = experiment_->info_fields();
-  for (const scene::Variation& v : experiment_->variations()) fields.push_back({"varied." + v.name, 1});
+std::vector<script::Experiment::InfoField> Environment::info_fields(const script::Experiment& experiment) {
+  std::vector<script::Experiment::InfoField> fields = experiment.info_fields();
+  for (const scene::Variation& v : experiment.variations()) fields.push_back({"varied." + v.name, 1});
   return fields;
 }
 

@@ -754,6 +754,34 @@ class VectorEnvironments(ExperimentTest):
             envs.reset(seed=[0, same])
             self.assertEqual(envs.state_hash(1), smartsurf.Simulation(path, seed=same).state_hash)
 
+    def test_worlds_have_the_same_surface_channels_and_info(self):
+        cases = (("surface { rows = 2 * k, columns = 4 / k, actuator = pin {}, sensors = { pressure {} } }",
+                  "rows × columns are 4 × 2, not 2 × 4"),
+                 ("surface { rows = 2, columns = 2, actuator = pin {}, sensors = { k == 1 and pressure {} or proximity {} } }",
+                  "the sensor channels are proximity, not pressure"),
+                 ("local a, b = pin {}, pin {}\nsurface { rows = 2, columns = 2, actuators = k == 1 and { a = a, b = b } or { a = a, c = b }, "
+                  "cells = k == 1 and { 'ab', 'ab' } or { 'ac', 'ac' } }", "the actuator channels are .*c.*, not .*b"),
+                 ("surface { rows = 2, columns = 2, actuator = pin {} }\nlocal one = function() return 1 end\n"
+                  "info(k == 1 and { x = one } or { y = one })", r"the fields of info\{\} are y, not x"))
+        for text, message in cases:
+            by_option = self.script("local k = option('k', 1)\n" + text)
+            by_seed = self.script("local k = random() < 0.5 and 1 or 2\n" + text, "drawn.lua")
+            with self.subTest(text=text):
+                with self.assertRaisesRegex(smartsurf.Error, "^world 2: .*experiment.lua: with seed 3, " + message + " as in world 0"):
+                    smartsurf.VectorEnv(by_option, 3, 1, seed=1, set=[{}, {}, {"k": 2}])
+                smartsurf.VectorEnv(by_option, 2, 1, set={"k": 2})
+                first, other = (next(s for s in range(100) if self.draws(s) == k) for k in (1, 2))
+                with self.assertRaisesRegex(smartsurf.Error, f"^world 1: .*drawn.lua: with seed {other}, " + message):
+                    smartsurf.VectorEnv(by_seed, 2, 1, seed=[first, other])
+                envs = smartsurf.VectorEnv(by_seed, 2, 1, seed=[first, first])
+                _, infos = envs.reset(seed=[first, other])
+                self.assertRegex(infos["error"][1], f"with seed {other}, .*" + message)
+
+    def draws(self, seed):
+        """1 or 2, as a script draws with the seed."""
+        path = self.script("local k = random() < 0.5 and 1 or 2\nsurface { rows = k, columns = 1, actuator = pin {} }", "one.lua")
+        return smartsurf.Simulation(path, seed=seed).rows
+
     def test_a_copy_after_a_reset_between_two_episodes_continues_with_the_same_bits(self):
         envs = smartsurf.VectorEnv(self.script(ENDINGS), 3, 1, max_episode_steps=4)
         envs.reset(seed=1)
