@@ -157,7 +157,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
   start_simulation();
 }
 
-void Environment::start_simulation() {
+void Environment::start_simulation() try {
   failed_ = false;
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
                                              /*scripted_actuators=*/!has_controller());
@@ -174,6 +174,9 @@ void Environment::start_simulation() {
     end_tick_ =
         std::min(end_tick_.value_or(UINT64_MAX),
                  static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9)));
+} catch (...) {
+  simulation_.reset();
+  throw;
 }
 
 void Environment::reset(std::uint64_t seed) {
@@ -378,7 +381,8 @@ template <class Work>
 auto Environment::end_on_error(const Work& work) {
   try {
     return work();
-  } catch (const scene::InputError& error) {
+  } catch (const std::exception& error) {
+    failed_ = true;
     end(error.what());
     throw;
   }
@@ -418,13 +422,9 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
   Simulation& s = running();
   const int steps = s.scene().world.steps_per_tick();
   Prefetch prefetch(prefetched, 3 * steps + 2);
-  failed_ = true;  // until the end of the tick
   s.run_script();
   prefetch.fetch_part();
-  if (controller_ && !controller_->command(s)) {
-    failed_ = false;
-    return false;
-  }
+  if (controller_ && !controller_->command(s)) return false;
   for (int i = 0; i < steps; ++i) {
     s.plan_actuators();
     prefetch.fetch_part();
@@ -441,7 +441,6 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
   s.sense();
   prefetch.fetch_part();
   experiment_->update_metrics(s.partial_snapshot().time_s, s.partial_snapshot().tick);
-  failed_ = false;
   return true;
 }
 
