@@ -536,14 +536,14 @@ class Batch {
   }
   void set_parameter(const std::string& name, const std::vector<int>& worlds, const Array<double>& values) {
     const Exclusive use(in_use_);
-    for_each(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
+    change_parameters(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
       python::set_parameter(batch_->mutable_world(world), name, readable(values).subspan(row * size, size));
     });
   }
   void randomise(const std::string& name, const std::vector<int>& worlds, const Array<double>& low,
                  const Array<double>& high) {
     const Exclusive use(in_use_);
-    for_each(worlds, low.size(), [&](int world, std::size_t row, std::size_t size) {
+    change_parameters(worlds, low.size(), [&](int world, std::size_t row, std::size_t size) {
       python::randomise(batch_->mutable_world(world), name, readable(low).subspan(row * size, size),
                         readable(high).subspan(row * size, size));
     });
@@ -622,6 +622,19 @@ class Batch {
       } catch (const common::UserError& error) {
         throw common::UserError("world " + std::to_string(world) + ": " + error.what());
       }
+    }
+  }
+  // As for_each(), for parameters: after an error all worlds have those from before.
+  template <class Work>
+  void change_parameters(const std::vector<int>& worlds, std::size_t numbers, const Work& work) {
+    std::vector<Environment::ParameterSettings> before;
+    for (const int world : worlds) before.push_back(batch_->world(check(world)).parameter_settings());
+    try {
+      for_each(worlds, numbers, work);
+    } catch (const common::UserError&) {
+      for (std::size_t row = 0; row < worlds.size(); ++row)
+        batch_->mutable_world(worlds[row]).set_parameter_settings(std::move(before[row]));
+      throw;
     }
   }
   void mark_intervention(const std::vector<int>& worlds) {
