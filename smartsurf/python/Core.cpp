@@ -74,6 +74,8 @@ py::dict describe(const Environment& environment) {
     actuators.append(
         py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));
   for (const auto& field : environment.info_fields()) info.append(py::make_tuple(field.name, field.size));
+  py::list extensions;
+  for (const scene::Extension& extension : scene.surface.extensions()) extensions.append(extension.name);
   py::list objects;  // the labels of the declared ones
   for (const scene::ObjectSpec& object : scene.objects) objects.append(object.label);
   using namespace py::literals;
@@ -83,7 +85,7 @@ py::dict describe(const Environment& environment) {
                   "actuators"_a = actuators, "info"_a = info, "options"_a = option_values(environment),
                   "has_reward"_a = environment.experiment().has_reward(),
                   "episode_seconds"_a = environment.experiment().episode_s(), "objects"_a = objects,
-                  "engine"_a = scene.world.engine);
+                  "extensions"_a = extensions, "engine"_a = scene.world.engine);
 }
 
 // What a picture shows: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
