@@ -239,7 +239,7 @@ class _Judge:
     def not_finite(self, values: Mapping[str, Numbers], runs: Flags) -> dict[int, str]:
         """The errors of worlds in which one of them is not finite."""
         return {int(i): f"{type(self.task).__name__}.{name} is {of_worlds[i]} in world {i}: must be finite"
-                for name, of_worlds in reversed(values.items()) for i in np.flatnonzero(runs & ~np.isfinite(of_worlds))}
+                for name, of_worlds in reversed(list(values.items())) for i in np.flatnonzero(runs & ~np.isfinite(of_worlds))}
 
     def metrics(self, state: State) -> dict[str, Numbers]:
         given: Any = self.task.metrics(state)
