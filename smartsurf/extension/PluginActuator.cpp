@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/scene/KindRegistry.h"
+
 namespace smartsurf::extension {
 
 PluginActuator::PluginActuator(const smartsurf_plugin_actuator& type,
@@ -165,7 +167,9 @@ void PluginActuator::archive(common::StateArchive& a) {
     throw common::UserError("an actuator of this surface cannot be saved: '" + std::string(type_.name) +
                             "' has no save and restore");
   a(targets_, targets_changed_, force_limit_, planned_speed_, retry_wait_);
-  archive_instance(a, type_.name, instance_, type_.save, type_.restore);
+  const std::string subject =
+      scene::find_actuator_kind(type_.name)->extension.name + ": actuator '" + type_.name + "'";
+  archive_instance(a, subject, instance_, type_.save, type_.restore);
   objects_.invalidate();
 }
 

@@ -5,12 +5,29 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/scene/KindRegistry.h"
+
 namespace smartsurf::extension {
+namespace {
+
+// What is wrong with a ray, one clause; "" if it can be cast.
+std::string problem_of(const surface::CellRay& ray, const Eigen::Vector3f& direction) {
+  const auto text = [](const Eigen::Vector3f& v) { return fmt::format("({}, {}, {})", v.x(), v.y(), v.z()); };
+  if (!ray.origin.allFinite()) return "origin = " + text(ray.origin) + ": must be finite";
+  if (!direction.allFinite() || direction == Eigen::Vector3f::Zero())
+    return "direction = " + text(direction) + ": must be finite and not 0";
+  if (!(ray.range >= 0.0F && std::isfinite(ray.range)))
+    return fmt::format("range = {}: must be finite and not negative", ray.range);
+  return "";
+}
+
+}  // namespace
 
 PluginSensor::PluginSensor(const smartsurf_plugin_sensor& type, std::span<const scene::Parameter> parameters,
                            std::vector<scene::SensorChannel> channels, const surface::Field& field,
                            const scene::SensorSpec& spec)
     : type_(type),
+      subject_(fmt::format("{}: sensor '{}'", scene::find_sensor_kind(type.name)->extension.name, spec.name)),
       channels_(std::move(channels)),
       surface_(field),
       values_(values_of(parameters, spec.values)) {
@@ -28,16 +45,28 @@ PluginSensor::PluginSensor(const smartsurf_plugin_sensor& type, std::span<const 
                   &field};
   instance_ = type.create(&context);
   require_created(instance_, type.name, message);
+  if (!ray_problem_.empty()) {  // the callback cannot throw through the extension
+    type.destroy(instance_);
+    throw common::UserError(subject_ + ": " + ray_problem_);
+  }
 }
 
 std::uint32_t PluginSensor::add_ray(const smartsurf_plugin_sensor_context* plugin_context,
                                     const smartsurf_plugin_ray* ray) {
   const Context& context = static_cast<const Context&>(*plugin_context);
-  const surface::CellRay cell_ray{.origin = Eigen::Vector3f(ray->origin),
-                                  .direction = Eigen::Vector3f(ray->direction).normalized(),
-                                  .range = ray->range,
-                                  .hits_pins = ray->hits_pins != 0};
-  std::deque<Ray>& rays = context.sensor->rays_;
+  // Squares of float lengths are doubles without overflow and underflow.
+  const Eigen::Vector3f direction(ray->direction);
+  surface::CellRay cell_ray{.origin = Eigen::Vector3f(ray->origin),
+                            .direction = direction.cast<double>().normalized().cast<float>(),
+                            .range = ray->range,
+                            .hits_pins = ray->hits_pins != 0};
+  PluginSensor& sensor = *context.sensor;
+  if (const std::string problem = problem_of(cell_ray, direction); !problem.empty()) {
+    if (sensor.ray_problem_.empty())
+      sensor.ray_problem_ = fmt::format("ray {}: {}", sensor.rays_.size(), problem);
+    cell_ray = {.origin = Eigen::Vector3f::Zero(), .direction = Eigen::Vector3f::UnitZ(), .range = 0.0F};
+  }
+  std::deque<Ray>& rays = sensor.rays_;
   rays.push_back({{*context.field, cell_ray}, std::vector<std::int32_t>(context.field->height.size())});
   return static_cast<std::uint32_t>(rays.size() - 1);
 }
@@ -103,7 +132,7 @@ void PluginSensor::sense(const surface::SensorInput& input, common::ThreadPool& 
 void PluginSensor::archive(common::StateArchive& a) {
   if (needs_impulses()) a(readings_);  // a restored world senses without the impulses
   if (type_.save != nullptr && type_.restore != nullptr)
-    archive_instance(a, type_.name, instance_, type_.save, type_.restore);
+    archive_instance(a, subject_, instance_, type_.save, type_.restore);
 }
 
 }  // namespace smartsurf::extension

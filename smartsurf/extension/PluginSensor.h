@@ -3,6 +3,7 @@
 
 #include <deque>
 #include <optional>
+#include <string>
 
 #include "smartsurf/extension/PluginTables.h"
 #include "smartsurf/surface/sensors/Sensor.h"
@@ -43,12 +44,14 @@ class PluginSensor final : public surface::Sensor {
                    const std::int32_t** object);
 
   const smartsurf_plugin_sensor& type_;
+  std::string subject_;  // as which messages name it
   std::vector<scene::SensorChannel> channels_;
   PluginSurface surface_;
   std::vector<smartsurf_plugin_value> values_;
   std::vector<std::vector<float>> readings_;  // by channel
   std::vector<float*> reading_pointers_;      // to them
   std::deque<Ray> rays_;
+  std::string ray_problem_;                   // of the first one that create() has prepared in vain
   std::optional<std::uint32_t> unknown_ray_;  // that sense() has cast
   std::vector<float> no_distance_;            // what it gets: 0
   std::vector<std::int32_t> no_object_;       // and -1

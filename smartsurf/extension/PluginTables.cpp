@@ -5,6 +5,7 @@
 namespace smartsurf::extension {
 
 static_assert(static_cast<int>(scene::ShapeKind::kSolid) == SMARTSURF_SOLID);
+constexpr std::uint64_t kMaxSavedBytes = std::uint64_t{1} << 30;
 
 void require_created(const void* instance, const std::string& type, const Message& message) {
   if (instance == nullptr)
@@ -76,8 +77,14 @@ void archive_instance(common::StateArchive& a, const std::string& subject, void*
                       int (*restore)(void*, const void*, std::uint64_t)) {
   std::string bytes;
   if (a.saves()) {
-    bytes.resize(save(instance, nullptr, 0));
-    save(instance, bytes.data(), bytes.size());
+    const std::uint64_t size = save(instance, nullptr, 0);
+    if (size > kMaxSavedBytes)
+      throw common::UserError(subject + ": save() returns " + std::to_string(size) +
+                              " bytes: must be at most " + std::to_string(kMaxSavedBytes));
+    bytes.resize(size);
+    if (const std::uint64_t saved = save(instance, bytes.data(), size); saved != size)
+      throw common::UserError(subject + ": save() returns " + std::to_string(saved) + " bytes, but first " +
+                              std::to_string(size));
   }
   a(bytes);
   if (!a.saves() && restore(instance, bytes.data(), bytes.size()) != 0)

@@ -80,7 +80,7 @@ class ObjectTable {
 };
 
 // Saves or restores an instance by its callbacks. Throws common::UserError, which begins with `subject`, for
-// bytes that it refuses.
+// bytes that it refuses, and for sizes that cannot be.
 void archive_instance(common::StateArchive&, const std::string& subject, void* instance,
                       std::uint64_t (*save)(void*, void*, std::uint64_t),
                       int (*restore)(void*, const void*, std::uint64_t));

@@ -98,7 +98,9 @@ smartsurf_status smartsurf_create(const smartsurf_options* given, smartsurf_envi
     smartsurf::simulation::EnvironmentOptions options;
     options.experiment = known.file;
     if (known.text != nullptr) options.source = known.text;
+    if (known.set == nullptr && known.set_count > 0) refuse("options.set: is null");
     for (std::size_t i = 0; i < known.set_count; ++i) {
+      if (known.set[i] == nullptr) refuse("options.set[" + std::to_string(i) + "]: is null");
       const std::string assignment = known.set[i];
       const std::size_t equals = assignment.find('=');
       if (equals == std::string::npos) refuse("options.set: '" + assignment + "': must be NAME=VALUE");

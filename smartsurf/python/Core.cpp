@@ -74,6 +74,8 @@ py::dict describe(const Environment& environment) {
     actuators.append(
         py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));
   for (const auto& field : environment.info_fields()) info.append(py::make_tuple(field.name, field.size));
+  py::list extensions;
+  for (const scene::Extension& extension : scene.surface.extensions()) extensions.append(extension.name);
   py::list objects;  // the labels of the declared ones
   for (const scene::ObjectSpec& object : scene.objects) objects.append(object.label);
   using namespace py::literals;
@@ -83,7 +85,7 @@ py::dict describe(const Environment& environment) {
                   "actuators"_a = actuators, "info"_a = info, "options"_a = option_values(environment),
                   "has_reward"_a = environment.experiment().has_reward(),
                   "episode_seconds"_a = environment.experiment().episode_s(), "objects"_a = objects,
-                  "engine"_a = scene.world.engine);
+                  "extensions"_a = extensions, "engine"_a = scene.world.engine);
 }
 
 // What a picture shows: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
@@ -536,14 +538,14 @@ class Batch {
   }
   void set_parameter(const std::string& name, const std::vector<int>& worlds, const Array<double>& values) {
     const Exclusive use(in_use_);
-    for_each(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
+    change_parameters(worlds, values.size(), [&](int world, std::size_t row, std::size_t size) {
       python::set_parameter(batch_->mutable_world(world), name, readable(values).subspan(row * size, size));
     });
   }
   void randomise(const std::string& name, const std::vector<int>& worlds, const Array<double>& low,
                  const Array<double>& high) {
     const Exclusive use(in_use_);
-    for_each(worlds, low.size(), [&](int world, std::size_t row, std::size_t size) {
+    change_parameters(worlds, low.size(), [&](int world, std::size_t row, std::size_t size) {
       python::randomise(batch_->mutable_world(world), name, readable(low).subspan(row * size, size),
                         readable(high).subspan(row * size, size));
     });
@@ -622,6 +624,19 @@ class Batch {
       } catch (const common::UserError& error) {
         throw common::UserError("world " + std::to_string(world) + ": " + error.what());
       }
+    }
+  }
+  // As for_each(), for parameters: after an error all worlds have those from before.
+  template <class Work>
+  void change_parameters(const std::vector<int>& worlds, std::size_t numbers, const Work& work) {
+    std::vector<Environment::ParameterSettings> before;
+    for (const int world : worlds) before.push_back(batch_->world(check(world)).parameter_settings());
+    try {
+      for_each(worlds, numbers, work);
+    } catch (const common::UserError&) {
+      for (std::size_t row = 0; row < worlds.size(); ++row)
+        batch_->mutable_world(worlds[row]).set_parameter_settings(std::move(before[row]));
+      throw;
     }
   }
   void mark_intervention(const std::vector<int>& worlds) {

@@ -38,9 +38,9 @@ std::string SensorKind::validate(const SensorSpec& spec) const {
   if (std::string p = validate_values(name, parameters, spec.values); !p.empty()) return p;
   if (std::string p = validate_sensor_errors(name, spec.values); !p.empty()) return p;
   if (const auto rate = spec.values.find("false_hits");
-      rate != spec.values.end() && rate->second.front() > 0.0 && mask_channel < 0)
-    return name + ".false_hits = " + format_number(rate->second.front()) +
-           ": must be 0: the sensor has no channel of detections";
+      rate != spec.values.end() && rate->second.front() > 0.0 && !has_false_hits())
+    return name + ".false_hits = " + format_number(rate->second.front()) + ": must be 0: the sensor has no " +
+           (extension.name.empty() ? "channel of detections" : "false hits, being of an extension");
   const std::string constraint_error = check_constraints ? check_constraints(spec) : "";
   return constraint_error.empty() ? "" : name + "." + constraint_error;
 }

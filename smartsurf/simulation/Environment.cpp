@@ -1,5 +1,7 @@
 #include "smartsurf/simulation/Environment.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -41,6 +43,17 @@ void apply(const std::vector<std::pair<std::string, std::vector<double>>>& value
     parameters.back().set(scene, numbers);
   }
   for (const SceneParameter& parameter : parameters) parameter.check(scene);
+}
+
+// The names, with their sizes where these are not 1; "none" without any.
+template <class Named, class Size>
+std::string names_of(const std::vector<Named>& all, const Size& size) {
+  std::string text;
+  for (const Named& one : all) {
+    text += (text.empty() ? "" : ", ") + one.name;
+    if (size(one) != 1) text += fmt::format(" ({} numbers)", size(one));
+  }
+  return text.empty() ? "none" : text;
 }
 
 // Fetches memory part by part between other work: a core that asks for more than some 16 lines at once waits.
@@ -91,20 +104,32 @@ void Environment::load(std::optional<std::uint64_t> seed) {
 }
 
 void Environment::require_same_channels(const script::Experiment& other) const {
-  const scene::SurfaceSpec &a = scene().surface, &b = other.scene().surface;
-  const auto same_actuator = [](const auto& x, const auto& y) { return x.name == y.name; };
-  const auto same_sensor = [](const auto& x, const auto& y) {
-    return x.name == y.name && x.components == y.components;
-  };
-  const auto same_field = [](const auto& x, const auto& y) { return x.name == y.name && x.size == y.size; };
-  if (a.rows != b.rows || a.columns != b.columns ||
-      !std::ranges::equal(a.actuator_channels(), b.actuator_channels(), same_actuator) ||
-      !std::ranges::equal(scene::collect_channels(a.sensors), scene::collect_channels(b.sensors),
-                          same_sensor) ||
-      !std::ranges::equal(experiment_->info_fields(), other.info_fields(), same_field))
+  const std::string difference = channel_difference(other);
+  if (!difference.empty())
     throw scene::InputError(scene().file + ": with seed " + std::to_string(other.scene().world.seed) +
-                            ", the script declares another surface, other channels or another info{}: all "
-                            "episodes must have the same");
+                            ", the script declares another surface, other channels or another info{}: " +
+                            difference + "; all episodes must have the same");
+}
+
+std::string Environment::channel_difference(const script::Experiment& other) const {
+  const scene::SurfaceSpec &a = scene().surface, &b = other.scene().surface;
+  const auto differ = [](const std::string& what, const auto& own, const auto& others, const auto& size) {
+    const std::string had = names_of(own, size), has = names_of(others, size);
+    return had == has ? "" : what + " " + has + ", not " + had;
+  };
+  if (a.rows != b.rows || a.columns != b.columns) {
+    const auto cells = [](const auto& s) { return fmt::format("{} × {}", s.rows, s.columns); };
+    return "rows × columns are " + cells(b) + ", not " + cells(a);
+  }
+  std::string difference = differ("the actuator channels are", a.actuator_channels(), b.actuator_channels(),
+                                  [](const auto&) { return 1; });
+  if (difference.empty())
+    difference = differ("the sensor channels are", scene::collect_channels(a.sensors),
+                        scene::collect_channels(b.sensors), [](const auto& c) { return c.components; });
+  if (difference.empty())
+    difference = differ("the fields of info{} are", info_fields(*experiment_), info_fields(other),
+                        [](const auto& field) { return field.size; });
+  return difference;
 }
 
 void Environment::start_episode(std::uint64_t seed, const Values& values) {
@@ -132,7 +157,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
   start_simulation();
 }
 
-void Environment::start_simulation() {
+void Environment::start_simulation() try {
   failed_ = false;
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
                                              /*scripted_actuators=*/!has_controller());
@@ -149,6 +174,9 @@ void Environment::start_simulation() {
     end_tick_ =
         std::min(end_tick_.value_or(UINT64_MAX),
                  static_cast<std::uint64_t>(std::ceil(*seconds / scene().world.control_period_s - 1e-9)));
+} catch (...) {
+  simulation_.reset();
+  throw;
 }
 
 void Environment::reset(std::uint64_t seed) {
@@ -353,7 +381,8 @@ template <class Work>
 auto Environment::end_on_error(const Work& work) {
   try {
     return work();
-  } catch (const scene::InputError& error) {
+  } catch (const std::exception& error) {
+    failed_ = true;
     end(error.what());
     throw;
   }
@@ -393,13 +422,9 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
   Simulation& s = running();
   const int steps = s.scene().world.steps_per_tick();
   Prefetch prefetch(prefetched, 3 * steps + 2);
-  failed_ = true;  // until the end of the tick
   s.run_script();
   prefetch.fetch_part();
-  if (controller_ && !controller_->command(s)) {
-    failed_ = false;
-    return false;
-  }
+  if (controller_ && !controller_->command(s)) return false;
   for (int i = 0; i < steps; ++i) {
     s.plan_actuators();
     prefetch.fetch_part();
@@ -416,7 +441,6 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
   s.sense();
   prefetch.fetch_part();
   experiment_->update_metrics(s.partial_snapshot().time_s, s.partial_snapshot().tick);
-  failed_ = false;
   return true;
 }
 
@@ -441,9 +465,9 @@ StepResult Environment::step(std::span<const std::byte> prefetched) {
   return result;
 }
 
-std::vector<script::Experiment::InfoField> Environment::info_fields() const {
-  std::vector<script::Experiment::InfoField> fields = experiment_->info_fields();
-  for (const scene::Variation& v : experiment_->variations()) fields.push_back({"varied." + v.name, 1});
+std::vector<script::Experiment::InfoField> Environment::info_fields(const script::Experiment& experiment) {
+  std::vector<script::Experiment::InfoField> fields = experiment.info_fields();
+  for (const scene::Variation& v : experiment.variations()) fields.push_back({"varied." + v.name, 1});
   return fields;
 }
 

@@ -135,7 +135,7 @@ class Environment {
   std::string outcome() const { return ending_ ? ending_->outcome : "done"; }
 
   // The values of info{}, and of the episode's nuisances as "varied.NAME".
-  std::vector<script::Experiment::InfoField> info_fields() const;
+  std::vector<script::Experiment::InfoField> info_fields() const { return info_fields(*experiment_); }
   // Their values, one after the other.
   void info(std::span<double> values);
   const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_->metrics(); }
@@ -143,6 +143,11 @@ class Environment {
   // The readings of all sensor channels, one after the other, each components × rows × columns.
   std::size_t observation_size() const;
   void observe(std::span<float> values) const;
+  // How the surface, the channels or the fields of info{} of another environment differ from this one's, one
+  // clause; "" if its arrays mean the same.
+  std::string channel_difference(const Environment& other) const {
+    return channel_difference(*other.experiment_);
+  }
 
  private:
   struct Range {
@@ -152,6 +157,8 @@ class Environment {
 
   void load(std::optional<std::uint64_t> seed);
   void require_same_channels(const script::Experiment&) const;
+  std::string channel_difference(const script::Experiment&) const;
+  static std::vector<script::Experiment::InfoField> info_fields(const script::Experiment&);
   void start_episode(std::uint64_t seed, const Values&);
   void start_simulation();
   Values draw_values(std::uint64_t seed) const;

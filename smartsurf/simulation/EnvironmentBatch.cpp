@@ -1,5 +1,6 @@
 #include "smartsurf/simulation/EnvironmentBatch.h"
 
+#include <fmt/format.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -66,6 +67,16 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
       } catch (const std::exception&) {
         throw_error(i);  // not the seed's
       }
+  const Environment& first = *worlds_.front().environment;
+  for (std::size_t i = 1; i < worlds_.size(); ++i) {
+    const Environment& own = *worlds_[i].environment;
+    const std::string difference = first.channel_difference(own);
+    if (!difference.empty())
+      throw scene::InputError(
+          fmt::format("world {}: {}: with seed {}, {} as in world 0: all worlds must have "
+                      "the same surface, channels and info{{}}",
+                      i, own.scene().file, own.seed(), difference));
+  }
   // All that their steps touch comes to lie together, apart from scripts and scenes.
   run_worlds([&](std::size_t i) {
     if (!worlds_[i].error.empty()) return;
@@ -76,22 +87,11 @@ EnvironmentBatch::EnvironmentBatch(EnvironmentOptions options, std::span<const s
   for (World& world : worlds_) world.start_error = world.error;
   collapse_huge_pages();
   prefetched_bytes_ = prefetched_bytes();
-  const Environment& first = *worlds_.front().environment;
   observation_size_ = first.observation_size();
   object_count_ = first.scene().objects.size();
   for (const auto& field : first.info_fields()) info_size_ += field.size;
   cells_ = first.scene().surface.cell_count();
   action_size_ = first.scene().surface.actuator_channels().size() * cells_;
-  for (const World& world : worlds_) {
-    std::size_t info_size = 0;
-    for (const auto& field : world.environment->info_fields()) info_size += field.size;
-    if (world.environment->observation_size() != observation_size_ || info_size != info_size_ ||
-        world.environment->scene().surface.actuator_channels().size() * cells_ != action_size_)
-      throw scene::InputError(
-          options_.experiment +
-          ": the surface, its sensors or info{} depend on the seed or on an option: the worlds of a batch "
-          "must have the same channels");
-  }
 }
 
 // A world's script lies around its environment, the rest around its simulation, because one thread has

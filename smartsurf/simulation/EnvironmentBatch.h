@@ -67,6 +67,7 @@ class EnvironmentBatch {
   // there are at most as many threads as worlds.
   // Throws as Environment does, the message preceded by the world's number, if all worlds fail or an option
   // of one is wrong. If only some worlds cannot start, they have error(), and fail in their first step.
+  // Throws also if worlds differ in the surface, the channels or the fields of info{}.
   // `overrides`: besides those of the options, for each world, or empty.
   using Overrides = std::vector<std::pair<std::string, std::string>>;
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,

@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/library/smartsurf.h"
@@ -47,8 +48,17 @@ struct State {
   std::string bytes;
   std::uint64_t seed;
   std::vector<std::vector<float>> inputs;
+  std::vector<bool> set_inputs;
   double time_s;
   smartsurf_result result;
+  bool in_step_mode;
+};
+
+// What modelDescription.xml says of the arrays, which no seed may change.
+struct Shape {
+  std::int32_t rows = 0, columns = 0;
+  std::size_t objects = 0;
+  std::vector<std::pair<std::string, std::int32_t>> channels;  // name and components, actuators first
 };
 
 void require(smartsurf_status status) {
@@ -70,38 +80,28 @@ class Instance {
     load(start_seed_);
   }
 
-  // Puts a new environment in its initial state.
-  void load(std::uint64_t seed) {
-    seed_ = seed;
-    std::vector<const char*> set;
-    for (const std::string& assignment : set_) set.push_back(assignment.c_str());
-    const std::string file = resources_ + script_;
-    smartsurf_options options{};
-    options.size = sizeof options;
-    options.file = file.c_str();
-    options.set = set.data();
-    options.set_count = set.size();
-    options.seed = &seed_;
-    smartsurf_environment* made = nullptr;
-    require(smartsurf_create(&options, &made));
-    table_.reset(made);
-    time_s_ = 0;
-    result_ = {};
-    inputs_.clear();
-    for (std::size_t i = 0; i < smartsurf_channel_count(made, SMARTSURF_ACTUATORS); ++i) {
-      const smartsurf_channel actuator = channel(SMARTSURF_ACTUATORS, i);
-      inputs_.emplace_back(actuator.values, actuator.values + cells());
-    }
-    object_count_ = state().object_count;
+  void reset() { load(start_seed_); }
+  void leave_initialization_mode() { in_step_mode_ = true; }
+
+  // Inputs that are set stay; the others have the start values of the seed's world.
+  void set_seed(std::uint64_t seed) {
+    if (in_step_mode_)
+      throw std::runtime_error("seed = " + std::to_string(seed) +
+                               ": a fixed parameter can be set until the initialization ends only");
+    const std::vector<std::vector<float>> inputs = inputs_;
+    const std::vector<bool> set = set_inputs_;
+    load(seed);
+    for (std::size_t i = 0; i < inputs.size(); ++i)
+      if (set[i]) inputs_[i] = inputs[i];
+    set_inputs_ = set;
   }
 
-  void reset() { load(start_seed_); }
-
-  // Takes the steps that end by `until_s`: outputs are those of the latest control period.
+  // Takes the steps that end by `until_s`, until one terminates: outputs are those of the latest control
+  // period.
   void advance(double until_s) {
     const double period_s = state().period_s;
     const auto ticks = static_cast<std::uint64_t>(std::max(0.0, std::floor(until_s / period_s + 1e-6)));
-    while (state().tick < ticks) {
+    while (result_.terminated == 0 && state().tick < ticks) {
       for (std::size_t i = 0; i < inputs_.size(); ++i)
         require(smartsurf_set_targets(table_.get(), i, inputs_[i].data(), inputs_[i].size()));
       result_.size = sizeof result_;
@@ -114,14 +114,22 @@ class Instance {
     const void* bytes = nullptr;
     std::size_t count = 0;
     require(smartsurf_save(table_.get(), &bytes, &count));
-    return {std::string(static_cast<const char*>(bytes), count), seed_, inputs_, time_s_, result_};
+    return {std::string(static_cast<const char*>(bytes), count),
+            seed_,
+            inputs_,
+            set_inputs_,
+            time_s_,
+            result_,
+            in_step_mode_};
   }
   void restore(const State& saved) {
     require(smartsurf_restore(table_.get(), saved.bytes.data(), saved.bytes.size()));
     seed_ = saved.seed;
     inputs_ = saved.inputs;
+    set_inputs_ = saved.set_inputs;
     time_s_ = saved.time_s;
     result_ = saved.result;
+    in_step_mode_ = saved.in_step_mode;
   }
 
   // Appends the variable's values; throws if it has another type.
@@ -156,11 +164,14 @@ class Instance {
     throw std::runtime_error("no variable of this type has the value reference " + std::to_string(reference));
   }
 
-  // The input's values, to be written.
-  std::vector<float>& input(fmi3ValueReference reference) {
-    if (reference < kFirstActuator || reference - kFirstActuator >= inputs_.size())
-      throw std::runtime_error("the value reference " + std::to_string(reference) + " is not an input");
-    return inputs_[reference - kFirstActuator];
+  std::size_t input_size(fmi3ValueReference reference) const {
+    return inputs_[input_index(reference)].size();
+  }
+  // values: of input_size().
+  void set_input(fmi3ValueReference reference, const float* values) {
+    const std::size_t index = input_index(reference);
+    std::copy_n(values, inputs_[index].size(), inputs_[index].begin());
+    set_inputs_[index] = true;
   }
 
   void log(const char* message) const {
@@ -168,17 +179,79 @@ class Instance {
   }
 
  private:
-  smartsurf_state state() const {
+  using Table = std::unique_ptr<smartsurf_environment, decltype(&smartsurf_destroy)>;
+
+  // Puts a new environment in its initial state. Changes nothing if the seed's world does not fit the unit.
+  void load(std::uint64_t seed) {
+    std::vector<const char*> set;
+    for (const std::string& assignment : set_) set.push_back(assignment.c_str());
+    const std::string file = resources_ + script_;
+    smartsurf_options options{};
+    options.size = sizeof options;
+    options.file = file.c_str();
+    options.set = set.data();
+    options.set_count = set.size();
+    options.seed = &seed;
+    smartsurf_environment* made = nullptr;
+    require(smartsurf_create(&options, &made));
+    Table table(made, smartsurf_destroy);
+    const Shape shape = shape_of(made);
+    if (table_) require_same_shape(seed, shape);
+    table_ = std::move(table);
+    shape_ = shape;
+    seed_ = seed;
+    time_s_ = 0;
+    result_ = {};
+    in_step_mode_ = false;
+    inputs_.clear();
+    for (std::size_t i = 0; i < smartsurf_channel_count(made, SMARTSURF_ACTUATORS); ++i) {
+      const smartsurf_channel actuator = channel(SMARTSURF_ACTUATORS, i);
+      inputs_.emplace_back(actuator.values, actuator.values + cells());
+    }
+    set_inputs_.assign(inputs_.size(), false);
+  }
+
+  static Shape shape_of(const smartsurf_environment* table) {
+    const smartsurf_state now = state_of(table);
+    Shape shape{now.rows, now.columns, now.object_count, {}};
+    for (const smartsurf_direction direction : {SMARTSURF_ACTUATORS, SMARTSURF_SENSORS})
+      for (std::size_t i = 0; i < smartsurf_channel_count(table, direction); ++i) {
+        const smartsurf_channel channel = channel_of(table, direction, i);
+        shape.channels.emplace_back(channel.name, channel.components);
+      }
+    return shape;
+  }
+  void require_same_shape(std::uint64_t seed, const Shape& shape) const {
+    const std::string prefix = "seed = " + std::to_string(seed) + ": its world has ";
+    if (shape.objects != shape_.objects)
+      throw std::runtime_error(prefix + std::to_string(shape.objects) + " objects: the unit is one of " +
+                               std::to_string(shape_.objects));
+    if (shape.rows != shape_.rows || shape.columns != shape_.columns || shape.channels != shape_.channels)
+      throw std::runtime_error(prefix + "another surface or other channels than the unit");
+  }
+
+  std::size_t input_index(fmi3ValueReference reference) const {
+    if (reference < kFirstActuator || reference - kFirstActuator >= inputs_.size())
+      throw std::runtime_error("the value reference " + std::to_string(reference) + " is not an input");
+    return reference - kFirstActuator;
+  }
+
+  static smartsurf_state state_of(const smartsurf_environment* table) {
     smartsurf_state now{};
     now.size = sizeof now;
-    require(smartsurf_get_state(table_.get(), &now));
+    require(smartsurf_get_state(table, &now));
     return now;
   }
-  smartsurf_channel channel(smartsurf_direction direction, std::size_t index) const {
+  static smartsurf_channel channel_of(const smartsurf_environment* table, smartsurf_direction direction,
+                                      std::size_t index) {
     smartsurf_channel found{};
     found.size = sizeof found;
-    require(smartsurf_get_channel(table_.get(), direction, index, &found));
+    require(smartsurf_get_channel(table, direction, index, &found));
     return found;
+  }
+  smartsurf_state state() const { return state_of(table_.get()); }
+  smartsurf_channel channel(smartsurf_direction direction, std::size_t index) const {
+    return channel_of(table_.get(), direction, index);
   }
   std::size_t cells() const {
     const smartsurf_state now = state();
@@ -191,9 +264,9 @@ class Instance {
     const float* const sources[] = {now.position, now.orientation, now.velocity, now.angular_velocity};
     const float* const from = sources[reference - kPosition];
     const std::size_t width = reference == kOrientation ? 4 : 3, begin = values.size();
-    values.resize(begin + object_count_ * width, std::numeric_limits<float>::quiet_NaN());
+    values.resize(begin + shape_.objects * width, std::numeric_limits<float>::quiet_NaN());
     for (std::size_t i = 0; i < now.object_count; ++i)
-      if (now.id[i] < object_count_)
+      if (now.id[i] < shape_.objects)
         std::copy_n(from + i * width, width, values.begin() + begin + now.id[i] * width);
   }
 
@@ -202,11 +275,13 @@ class Instance {
   void* environment_;
   fmi3LogMessageCallback log_;
   std::uint64_t start_seed_ = 0, seed_ = 0;
-  std::unique_ptr<smartsurf_environment, decltype(&smartsurf_destroy)> table_{nullptr, smartsurf_destroy};
+  Table table_{nullptr, smartsurf_destroy};
+  Shape shape_;                             // at the start
   std::vector<std::vector<float>> inputs_;  // of each actuator channel
+  std::vector<bool> set_inputs_;            // by the importer
   smartsurf_result result_{};               // of the latest step
-  std::size_t object_count_ = 0;            // at the start
   double time_s_ = 0;
+  bool in_step_mode_ = false;
 };
 
 Instance& of(void* instance) { return *static_cast<Instance*>(instance); }
@@ -261,7 +336,9 @@ FMI3 void fmi3FreeInstance(void* instance) { delete static_cast<Instance*>(insta
 FMI3 fmi3Status fmi3EnterInitializationMode(void*, bool, double, double start_s, bool, double) {
   return start_s == 0 ? fmi3OK : fmi3Error;
 }
-FMI3 fmi3Status fmi3ExitInitializationMode(void*) { return fmi3OK; }
+FMI3 fmi3Status fmi3ExitInitializationMode(void* instance) {
+  return guarded(instance, [](Instance& it) { it.leave_initialization_mode(); });
+}
 FMI3 fmi3Status fmi3Terminate(void*) { return fmi3OK; }
 FMI3 fmi3Status fmi3Reset(void* instance) {
   return guarded(instance, [](Instance& it) { it.reset(); });
@@ -294,14 +371,13 @@ FMI3 fmi3Status fmi3SetFloat32(void* instance, const fmi3ValueReference* referen
                                const float* values, std::size_t value_count) {
   return guarded(instance, [&](Instance& it) {
     std::size_t expected = 0;
-    for (std::size_t i = 0; i < count; ++i) expected += it.input(references[i]).size();
+    for (std::size_t i = 0; i < count; ++i) expected += it.input_size(references[i]);
     if (expected != value_count)
       throw std::runtime_error("the inputs have " + std::to_string(expected) + " values, not " +
                                std::to_string(value_count));
     for (std::size_t i = 0; i < count; ++i) {
-      std::vector<float>& input = it.input(references[i]);
-      std::copy_n(values, input.size(), input.begin());
-      values += input.size();
+      it.set_input(references[i], values);
+      values += it.input_size(references[i]);
     }
   });
 }
@@ -311,7 +387,7 @@ FMI3 fmi3Status fmi3SetUInt64(void* instance, const fmi3ValueReference* referenc
     for (std::size_t i = 0; i < count; ++i)
       if (references[i] != kSeed) throw std::runtime_error("only the seed can be set");
     if (count == 0 || value_count != count) throw std::runtime_error("the seed is one number");
-    it.load(values[value_count - 1]);
+    it.set_seed(values[value_count - 1]);
   });
 }
 

@@ -225,17 +225,27 @@ class _Judge:
         return State(readable(sensors), readable(actions), readable(self.goals), clock["time"], clock["ticks"], period,
                      None if objects is None else readable(objects), labels, readable(info), self._to, cells)
 
-    def flags(self, name: str, values: Array) -> Flags:
-        return self._each(name, np.asarray(values, np.bool_))
-
     def numbers(self, name: str, values: Array) -> Numbers:
-        return self._each(name, real_array(name, np.asarray(values)).astype(np.float64))
-
-    def _each(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
+        array = real_array(f"{type(self.task).__name__}.{name}", values)
         if array.shape not in ((), (self.worlds,)):
             raise ValueError(f"{type(self.task).__name__}.{name} returned an array of shape {array.shape}: must be one value per "
                              f"world, ({self.worlds},)")
-        return np.broadcast_to(array, (self.worlds,)).copy()
+        return np.broadcast_to(array.astype(np.float64), (self.worlds,)).copy()
+
+    def judge(self, state: State) -> dict[str, Numbers]:
+        """What reward, success and failure return."""
+        return {name: self.numbers(name, getattr(self.task, name)(state)) for name in ("reward", "success", "failure")}
+
+    def not_finite(self, values: Mapping[str, Numbers], runs: Flags) -> dict[int, str]:
+        """The errors of worlds in which one of them is not finite."""
+        return {int(i): f"{type(self.task).__name__}.{name} is {of_worlds[i]} in world {i}: must be finite"
+                for name, of_worlds in reversed(list(values.items())) for i in np.flatnonzero(runs & ~np.isfinite(of_worlds))}
+
+    def metrics(self, state: State) -> dict[str, Numbers]:
+        given: Any = self.task.metrics(state)
+        if not isinstance(given, Mapping):
+            raise ValueError(f"{type(self.task).__name__}.metrics returned a {type(given).__name__}: must be a dict of arrays")
+        return {str(name): self.numbers(f"metrics['{name}']", values) for name, values in given.items()}
 
     def observation(self, state: State) -> Any:
         def checked(name: str, values: Array) -> FloatArray:
@@ -290,8 +300,8 @@ def _goal_range(name: str, given: Any) -> tuple[Numbers, Numbers]:
 class TaskVectorEnv(VectorEnv):
     """A task in many worlds; made by Task.make_vec(). Arguments as those of VectorEnv, of which `set` adds to the task's.
 
-    Rewards are the task's plus those of the script; episodes end when either says so. A world that fails, also by a reward of
-    the task that is not finite, is ended as VectorEnv does it. `infos` has the goals besides the values of info{}.
+    Rewards are the task's plus those of the script; episodes end when either says so. A world that fails, also by a reward, success or
+    failure of the task that is not finite, is ended as VectorEnv does it. `infos` has the goals besides the values of info{}.
     """
 
     def __init__(self, task: Task, num_envs: int = 1, *, set: Any = None, render_mode: str | None = None,
@@ -314,7 +324,7 @@ class TaskVectorEnv(VectorEnv):
         self._last: dict[str, FloatArray] = {}  # of a task's own observation
         self._object_states = np.zeros((num_envs, self._batch.object_count, 13), np.float32)
         self._bind(self._object_states, self._time)
-        for name in self._fields.keys() & task.goals.keys():
+        for name in {*self._fields, "metrics", "error", "final_obs", "final_info"} & task.goals.keys():
             raise ValueError(f"goals: {name}: infos have another value of this name")
         self._limit = (None if task.episode_seconds is None
                        else int(np.ceil(task.episode_seconds / self.period - 1e-9)))
@@ -397,14 +407,15 @@ class TaskVectorEnv(VectorEnv):
         failed = np.isnan(self._rewards)
         runs = ~fresh & ~failed
         state = self.state()
-        own = self._judge.numbers("reward", self.task.reward(state))
-        unjudged = runs & ~np.isfinite(own)
-        if (unjudged | failed).all() and unjudged.any():
-            raise _core.Error(self._reward_error(own, int(np.flatnonzero(unjudged)[0])))
+        own = self._judge.judge(state)
+        errors = self._judge.not_finite(own, runs)
+        unjudged = np.isin(np.arange(self.num_envs), list(errors))
+        if errors and (unjudged | failed).all():
+            raise _core.Error(errors[min(errors)])
         runs &= ~unjudged
-        rewards = np.where(runs, self._rewards + own, np.where(unjudged, np.nan, self._rewards))
-        success = self._judge.flags("success", self.task.success(state)) & runs
-        terminated = self._terminated | success | (self._judge.flags("failure", self.task.failure(state)) & runs)
+        rewards = np.where(runs, self._rewards + own["reward"], np.where(unjudged, np.nan, self._rewards))
+        success = (own["success"] != 0) & runs
+        terminated = self._terminated | success | ((own["failure"] != 0) & runs)
         truncated = self._truncated | unjudged
         if self._limit is not None:
             truncated |= runs & (np.rint(self._time / self.period) >= self._limit)
@@ -419,7 +430,7 @@ class TaskVectorEnv(VectorEnv):
         final: Info = {}
         if over.any():
             final = _of_worlds(self._task_infos(), over) if self._resets_itself else infos
-            self._add_metrics(final, state, over, {int(i): self._reward_error(own, int(i)) for i in np.flatnonzero(unjudged)})
+            self._add_metrics(final, state, over, errors)
         self._over = over.copy()
         if self._resets_itself and over.any():
             last = observation
@@ -433,12 +444,8 @@ class TaskVectorEnv(VectorEnv):
             infos.update(final_obs=final_obs, _final_obs=over.copy(), final_info=final, _final_info=over.copy())
         return observation, rewards, terminated, truncated, infos
 
-    def _reward_error(self, rewards: Numbers, world: int) -> str:
-        return f"{type(self.task).__name__}.reward is {rewards[world]} in world {world}: must be finite"
-
     def _add_metrics(self, infos: Info, state: State, over: Flags, errors: Mapping[int, str]) -> None:
-        own = {name: self._judge.numbers(f"metrics['{name}']", values)
-               for name, values in self.task.metrics(state).items()}
+        own = self._judge.metrics(state)
         for i in np.flatnonzero(over):
             error = self._batch.error(int(i)) or errors.get(int(i))
             if error and self._strict:
@@ -543,14 +550,14 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
         self._live._targets[...] = _commands(action, self._live.actuator_channels)
         _, closed, _ = self._live.step()
         state = self._live_state()
-        success = bool(self._judge.flags("success", self.task.success(state))[0])
-        failure = bool(self._judge.flags("failure", self.task.failure(state))[0])
-        reward = float(self._judge.numbers("reward", self.task.reward(state))[0])
+        judged = self._judge.judge(state)
+        if errors := self._judge.not_finite(judged, np.ones(1, np.bool_)):
+            raise _core.Error(errors[0])
+        reward, success, failure = float(judged["reward"][0]), bool(judged["success"][0]), bool(judged["failure"][0])
         truncated = self._limit is not None and self._live.tick - self._start >= self._limit
         info = {**self._live_info(), "success": success}
         if success or failure or truncated or closed:
-            info["metrics"] = {name: float(np.asarray(values).reshape(-1)[0])
-                               for name, values in self.task.metrics(state).items()}
+            info["metrics"] = {name: float(values[0]) for name, values in self._judge.metrics(state).items()}
         return _first(self._judge.observation(state)), reward, success or failure or closed, truncated, info
 
     @property

@@ -104,7 +104,15 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
     for assignment in set:
         if "=" not in assignment or "\n" in assignment:
             raise FmuError(f"fmu --set {assignment!r}: must be NAME=VALUE")
-    simulation = Simulation(script, seed=seed, set=dict(assignment.split("=", 1) for assignment in set))
+    try:
+        simulation = Simulation(script, seed=seed, set=dict(assignment.split("=", 1) for assignment in set))
+    except Error as error:
+        place, unloaded, _ = str(error).partition(": is not loaded, and a script may not load native code")
+        if unloaded:
+            raise FmuError(f"{place}: a unit cannot hold extensions") from None
+        raise
+    for extension in simulation._description["extensions"]:
+        raise FmuError(f"{script}: extension '{extension}': a unit cannot hold extensions")
     contents = {script.name: script.read_bytes()}
     for file in map(pathlib.Path, files):
         try:

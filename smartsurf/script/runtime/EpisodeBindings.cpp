@@ -1,6 +1,8 @@
 // Episodes of a learning environment: reward, success, info, episode and on_reset.
 #include <algorithm>
+#include <array>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "smartsurf/script/ScriptContext.h"
@@ -10,6 +12,21 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMaxInfoFields = 1000;
+
+// Whether the infos of an environment have another value of this name (docs/python.md).
+bool is_reserved(std::string_view name) {
+  constexpr std::array<std::string_view, 9> kNames{"seed",
+                                                   "success",
+                                                   "nonfinite_actions",
+                                                   "metrics",
+                                                   "error",
+                                                   "final_obs",
+                                                   "final_info",
+                                                   "terminal_observation",
+                                                   "TimeLimit.truncated"};
+  return std::ranges::find(kNames, name) != kNames.end() || name.starts_with('_') ||
+         name.starts_with("varied.");
+}
 
 int reward(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "reward");
@@ -47,6 +64,8 @@ int info(ScriptContext& context, lua_State* L) {
     const std::string subject = "info." + name;
     if (std::ranges::find(context.info, name, &InfoField::name) != context.info.end())
       throw ScriptError(subject + ": already declared");
+    if (is_reserved(name))
+      throw ScriptError(subject + ": infos have another value of this name; choose another");
     if (context.info.size() >= kMaxInfoFields) throw ScriptError("info: more than 1000 fields");
     lua_getfield(L, 1, name.c_str());
     InfoField field{.name = name, .object = {}, .callback = -1};

@@ -62,7 +62,7 @@ SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::S
   quantize_ = parameter_or_zero(spec.values, shared_values, "quantize");
   drift_ = parameter_or_zero(spec.values, shared_values, "drift");
   dropout_ = parameter_or_zero(spec.values, shared_values, "dropout");
-  if (mask_ > 0) false_hits_ = parameter_or_zero(spec.values, shared_values, "false_hits");
+  if (kind.has_false_hits()) false_hits_ = parameter_or_zero(spec.values, shared_values, "false_hits");
   latency_ = static_cast<int>(parameter_or_zero(spec.values, shared_values, "latency"));
   draw_faults(spec.values, shared_values);
   load_fault_map(map);

@@ -93,10 +93,31 @@ int main(void) {
   EXPECT(smartsurf_get_state(table, &state) == SMARTSURF_INVALID);
   EXPECT(strcmp(smartsurf_error(), "state.size = 0: must be sizeof the struct") == 0);
 
+  /* After a failure every call fails until the reset. */
+  smartsurf_environment* failing = make(
+      "option('n', 4) surface { rows = 2, columns = 2 } reward(function(t, tick) assert(tick ~= 2, 'no') "
+      "return 1 end)",
+      "n=4");
+  EXPECT(smartsurf_step(failing, NULL) == SMARTSURF_OK);
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    EXPECT(smartsurf_step(failing, NULL) == SMARTSURF_INVALID);
+    EXPECT(strstr(smartsurf_error(), attempt == 0 ? "no" : "the episode has failed: reset it") != NULL);
+    EXPECT(smartsurf_save(failing, &bytes, &count) == SMARTSURF_INVALID);
+  }
+  EXPECT(smartsurf_reset(failing, 1) == SMARTSURF_OK && smartsurf_step(failing, NULL) == SMARTSURF_OK);
+  smartsurf_destroy(failing);
+
   smartsurf_options options = {.size = sizeof options, .file = "none.lua"};
   smartsurf_environment* none = table;
   EXPECT(smartsurf_create(&options, &none) == SMARTSURF_INVALID && none == NULL);
   EXPECT(smartsurf_create(NULL, &none) == SMARTSURF_INVALID);
+  const char* const set[] = {"n=4", NULL};
+  options.set_count = 2;
+  EXPECT(smartsurf_create(&options, &none) == SMARTSURF_INVALID);
+  EXPECT(strcmp(smartsurf_error(), "options.set: is null") == 0);
+  options.set = set;
+  EXPECT(smartsurf_create(&options, &none) == SMARTSURF_INVALID);
+  EXPECT(strcmp(smartsurf_error(), "options.set[1]: is null") == 0);
   EXPECT(smartsurf_load_extension("none.so") == SMARTSURF_INVALID);
   EXPECT(strcmp(smartsurf_error(), "none.so: cannot be read: No such file or directory") == 0);
   smartsurf_destroy(NULL);

@@ -179,6 +179,12 @@ other.restore(state)
 for tick in range(20):
     other.step()
 assert other.state_hash == hashes[0]
+from smartsurf import fmu
+try:
+    fmu.pack({str(self.work / 'belt.lua')!r}, {str(self.folder / 'belt.fmu')!r})
+    raise SystemExit("packed")
+except fmu.FmuError as error:
+    assert str(error).endswith("belt.lua: extension 'belt.so': a unit cannot hold extensions"), error
 print(table.objects["velocity"][0, 0])
 """
         out = call(sys.executable, "-c", code, env={**os.environ, "PYTHONPATH": os.environ["SMARTSURF_PACKAGE"]})

@@ -239,7 +239,14 @@ TABLE = """
 local count = option('count', 3)
 surface { rows = 6, columns = 9, actuator = pin { range = {0, 2}, max_speed = 5 }, sensors = { pressure {}, colour {} } }
 for i = 1, count do sphere { radius = .5, position = {2 * i, random(1, 4), 4} } end
-success(function(t) return t > 0.4 end)
+success(function(t) return t > 0.5 end)
+"""
+# A world whose number of objects depends on the seed, and which counts the steps of its script.
+SEEDED = """
+surface { rows = 2, columns = 2, actuator = pin { range = {0, 2} } }
+for i = 1, random() < 0.5 and 1 or 2 do sphere { radius = .3, position = {0, i - 1, 4} } end
+success(function(t, tick) return tick == 3 end)
+reward(function(t, tick) return tick end)
 """
 
 
@@ -272,8 +279,9 @@ class Fmu(FormatTest):
                     heights = draw.uniform(-1, 3, (6, 9)).astype('f4')
                     unit.setFloat32(refer('actuators.height'), heights.reshape(-1).tolist())
                     unit.doStep(currentCommunicationPoint=at * table.period, communicationStepSize=ticks * table.period)
-                    for _ in range(ticks): ended = table.step({'height': heights})
-                    assert state() == (table.state_hash, table.tick, ended[1]), (state(), table.tick, ended)
+                    for _ in range(ticks): ended = table.success or table.step({'height': heights})[1]
+                    assert state() == (table.state_hash, table.tick, ended), (state(), table.tick, ended)
+                    assert unit.getBoolean(refer('terminated'))[0] == ended
                     for channel in ('pressure', 'colour'):
                         values = unit.getFloat32(refer('sensors.' + channel), nValues=table.sensors[channel].size)
                         assert (np.array(values, 'f4') == table.sensors[channel].reshape(-1)).all(), channel
@@ -296,6 +304,7 @@ class Fmu(FormatTest):
                     raise AssertionError('accepted')
                 except fmpy.fmi1.FMICallException: pass
                 kept = unit.getFMUState()
+                unit.reset()
                 unit.setUInt64(refer('seed'), [9])
                 other = state()
                 unit.setFMUState(kept)
@@ -313,14 +322,59 @@ class Fmu(FormatTest):
         self.assertEqual(found, [[True, 27], [True, 27]])
 
     @needs("fmpy")
+    def test_inputs_and_seeds_are_those_of_the_initialization(self):
+        self.write("seeded.lua", SEEDED)
+        self.assertEqual(self.run_python(SMARTSURF, "fmu", "seeded.lua", "-o", "seeded.fmu"), (0, "", ""))
+        found = self.read("""
+            import json, re
+            import fmpy, smartsurf
+            count = lambda seed: len(smartsurf.Simulation('seeded.lua', seed=seed).objects['id'])
+            description, folder = fmpy.read_model_description('seeded.fmu'), fmpy.extract('seeded.fmu')
+            variables = {v.name: v for v in description.modelVariables}
+            refer = lambda name: [variables[name].valueReference]
+            own = int(variables['seed'].start)
+            same = next(s for s in range(100) if s != own and count(s) == count(own))
+            other = next(s for s in range(100) if count(s) != count(own))
+            unit = fmpy.instantiate_fmu(folder, description, 'CoSimulation')
+            def refused(seed):
+                try:
+                    unit.setUInt64(refer('seed'), [seed])
+                except fmpy.fmi1.FMICallException as error: return True
+            unit.enterInitializationMode()
+            unit.setFloat32(refer('actuators.height'), [1.5, 1.5, 1.5, 1.5])
+            assert refused(other) and unit.getUInt64(refer('seed')) == [own]
+            unit.setUInt64(refer('seed'), [same])
+            assert unit.getFloat32(refer('actuators.height'), nValues=4) == [1.5] * 4
+            unit.exitInitializationMode()
+            table = smartsurf.Simulation('seeded.lua', seed=same)
+            unit.doStep(currentCommunicationPoint=0, communicationStepSize=table.period)
+            table.step(1.5)
+            assert unit.getUInt64(refer('state_hash')) == [table.state_hash]
+            assert refused(same) and unit.getUInt64(refer('tick')) == [1]
+            ends = []
+            for at in (1, 11):
+                unit.doStep(currentCommunicationPoint=at * table.period, communicationStepSize=10 * table.period)
+                ends.append([unit.getBoolean(refer('terminated'))[0], unit.getBoolean(refer('success'))[0],
+                             unit.getUInt64(refer('tick'))[0], unit.getFloat64(refer('reward'))[0]])
+            unit.reset()
+            unit.setUInt64(refer('seed'), [same])
+            ends.append(unit.getFloat32(refer('actuators.height'), nValues=4))
+            unit.freeInstance()
+            print(json.dumps(ends))
+            """)
+        self.assertEqual(found, [[True, True, 3, 3.0], [True, True, 3, 3.0], [0.0] * 4])
+
+    @needs("fmpy")
     def test_mistakes_are_one_line(self):
         self.write("table.lua", TABLE)
         self.write("broken.lua", "surface { rows = 0, columns = 4, actuator = pin {} }")
+        self.write("belt.lua", "extension 'belt.so'\nsurface { actuator = belt {} }")
         self.write("x.fmu", "data")
         (self.folder / "y.fmu").hardlink_to(self.folder / "x.fmu")
         (self.folder / "table.fmu").symlink_to("table.lua")
         before = {p.name: p.read_bytes() for p in self.folder.iterdir()}
         for arguments, word in ((["none.lua", "-o", "a.fmu"], "none.lua"), (["broken.lua", "-o", "a.fmu"], "broken.lua:1"),
+                                (["belt.lua", "-o", "a.fmu"], "belt.lua:1: extension 'belt.so': a unit cannot hold extensions"),
                                 (["table.lua", "-o", "a.zip"], ".fmu"), (["table.lua", "-o", "none/a.fmu"], "no folder none"),
                                 (["table.lua", "-o", "a.fmu", "--set", "count"], "NAME=VALUE"),
                                 (["table.lua", "-o", "a.fmu", "--set", "size=2"], "size"),

@@ -632,6 +632,26 @@ class VectorEnvironments(ExperimentTest):
             for tick in range(300):
                 strict.step(sampled(strict.action_space, tick))
 
+    def test_a_world_whose_reward_or_success_fails_waits_for_its_reset(self):
+        base = "surface { rows = 2, columns = 2, actuator = pin {} }\nlocal bad\non_reset(function() bad = random() < 0.5 end)\n"
+        for line in ("reward(function(t) assert(not (bad and t > 0.1), 'broken') return 1 end)",
+                     "success(function(t) assert(not (bad and t > 0.1), 'broken') end)"):
+            with self.subTest(line):
+                envs = smartsurf.VectorEnv(self.script(base + line), 6, 1, autoreset_mode=AutoresetMode.DISABLED)
+                envs.reset(seed=1)
+                failed, actions = np.zeros(6, bool), np.zeros(envs.action_space.shape, np.float32)
+                for _ in range(12):
+                    _, rewards, _, truncated, infos = envs.step(actions)
+                    self.assertFalse((failed & ~np.isnan(rewards)).any())  # a failed one does not run on
+                    for i in np.flatnonzero(failed):
+                        self.assertIn("the episode has failed: reset it", infos["error"][i])
+                        with self.assertRaisesRegex(smartsurf.Error, "reset it"):
+                            envs.save(int(i))
+                    failed |= np.isnan(rewards)
+                self.assertTrue(0 < failed.sum() < 6, failed)
+                envs.reset(options={"reset_mask": failed})
+                self.assertTrue(np.isfinite(envs.step(actions)[1]).all())
+
     def test_a_failed_world_that_was_restored_is_copied_with_its_state(self):
         fail = "local fails = false on_tick(function(t) if fails and t > 0.1 then error('late') end end)"
         path = self.script(ENDINGS.replace("on_reset(function()", fail + "on_reset(function() fails = math.random(8) < 3"))
@@ -753,6 +773,34 @@ class VectorEnvironments(ExperimentTest):
             envs.step(np.zeros(envs.action_space.shape))
             envs.reset(seed=[0, same])
             self.assertEqual(envs.state_hash(1), smartsurf.Simulation(path, seed=same).state_hash)
+
+    def test_worlds_have_the_same_surface_channels_and_info(self):
+        cases = (("surface { rows = 2 * k, columns = 4 / k, actuator = pin {}, sensors = { pressure {} } }",
+                  "rows × columns are 4 × 2, not 2 × 4"),
+                 ("surface { rows = 2, columns = 2, actuator = pin {}, sensors = { k == 1 and pressure {} or pressure { name = 'p' } } }",
+                  "the sensor channels are p, not pressure"),
+                 ("surface { rows = 2, columns = 2, actuator = k == 1 and pin {} or wheels { radius = 0.5 } }",
+                  "the actuator channels are .*, not height"),
+                 ("surface { rows = 2, columns = 2, actuator = pin {} }\nlocal one = function() return 1 end\n"
+                  "info(k == 1 and { x = one } or { y = one })", r"the fields of info\{\} are y, not x"))
+        for text, message in cases:
+            by_option = self.script("local k = option('k', 1)\n" + text)
+            by_seed = self.script("local k = random() < 0.5 and 1 or 2\n" + text, "drawn.lua")
+            with self.subTest(text=text):
+                with self.assertRaisesRegex(smartsurf.Error, "^world 2: .*experiment.lua: with seed 3, " + message + " as in world 0"):
+                    smartsurf.VectorEnv(by_option, 3, 1, seed=1, set=[{}, {}, {"k": 2}])
+                smartsurf.VectorEnv(by_option, 2, 1, set={"k": 2})
+                first, other = (next(s for s in range(100) if self.draws(s) == k) for k in (1, 2))
+                with self.assertRaisesRegex(smartsurf.Error, f"^world 1: .*drawn.lua: with seed {other}, " + message):
+                    smartsurf.VectorEnv(by_seed, 2, 1, seed=[first, other])
+                envs = smartsurf.VectorEnv(by_seed, 2, 1, seed=[first, first])
+                _, infos = envs.reset(seed=[first, other])
+                self.assertRegex(infos["error"][1], f"with seed {other}, .*" + message)
+
+    def draws(self, seed):
+        """1 or 2, as a script draws with the seed."""
+        path = self.script("local k = random() < 0.5 and 1 or 2\nsurface { rows = k, columns = 1, actuator = pin {} }", "one.lua")
+        return smartsurf.Simulation(path, seed=seed).rows
 
     def test_a_copy_after_a_reset_between_two_episodes_continues_with_the_same_bits(self):
         envs = smartsurf.VectorEnv(self.script(ENDINGS), 3, 1, max_episode_steps=4)

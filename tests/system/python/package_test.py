@@ -1,4 +1,5 @@
 """The package without Gymnasium: simulations, saved states, errors, processes."""
+import contextlib
 import copy
 import gc
 import multiprocessing
@@ -368,6 +369,23 @@ end)"""
             self.assertNotEqual(self.verify(self.folder / "c.h5").returncode, 0)
 
 
+    def test_a_failed_episode_is_repeated_up_to_its_error(self):
+        base = "surface { rows = 4, columns = 4, actuator = pin {} }\nsphere { radius = 0.5, position = {1, 1, 3} }\n"
+        for line in ("reward(function(t, tick) assert(tick ~= 6, 'broken') return 0 end)",
+                     "success(function(t, tick) assert(tick ~= 6, 'broken') end)", "on_tick(function(t, tick) assert(tick ~= 6, 'broken') end)"):
+            with self.subTest(line):
+                s = smartsurf.Simulation(self.script(base + line), seed=3)
+                s.record(self.folder / "failed.h5")
+                for _ in range(20):
+                    with contextlib.suppress(smartsurf.Error):
+                        s.step()
+                s.stop_recording()
+                self.assertIn("broken", self.result(self.folder / "failed.h5")[0])
+                verified = self.verify(self.folder / "failed.h5")
+                self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
+                self.assertRegex(verified.stdout, "identical in [67] frames")
+
+
 class SavedStates(ExperimentTest):
     def check_replay(self, path, warm_up, ticks, **arguments):
         s = smartsurf.Simulation(path, seed=11, **arguments)
@@ -555,8 +573,13 @@ class Errors(ExperimentTest):
                 smartsurf.LocalPolicy(["row"], [("height", 0, 4)], layers)(observation)
 
     def test_an_episode_that_cannot_start(self):
-        s = smartsurf.Simulation(self.script("surface { rows = 4, columns = 4, actuator = pin {} }\n"
-                                             "on_reset(function() assert(random() > 0.5, 'bad luck') end)"), seed=1)
+        for place in ("on_reset(function() assert(luck > 0.5, 'bad luck') end)", "success(function() assert(luck > 0.5, 'bad luck') end)"):
+            with self.subTest(place):
+                self.check_bad_luck("surface { rows = 4, columns = 4, actuator = pin {} }\nlocal luck\n"
+                                    "on_reset(function() luck = random() end)\n" + place)
+
+    def check_bad_luck(self, text):
+        s = smartsurf.Simulation(self.script(text), seed=1)
         lucky, seed, objects = s.state_hash, 1, s.objects
         for seed in range(2, 40):
             try:
@@ -576,17 +599,28 @@ class Errors(ExperimentTest):
         for line, message in (("on_tick(function() error('no') end)", "experiment.lua:2: no"),
                               ("reward(function() return 'much' end)", "experiment.lua:2: reward returned string"),
                               ("reward(function() return 0/0 end)", "reward returned nan"),
-                              ("on_tick(function() while true do end end)", "endless loop")):
+                              ("on_tick(function() while true do end end)", "endless loop"),
+                              ("success(function(t) assert(t == 0, 'no') end)", "experiment.lua:2: no"),
+                              ("metric('m', function(t) assert(t == 0, 'no') end)", "experiment.lua:2: no")):
             s = smartsurf.Simulation(self.script(base + line))
             with self.assertRaisesRegex(smartsurf.Error, message):
                 s.step()
-            if line.startswith("on_tick"):  # the tick is incomplete
+            for call in (s.step, s.save, s.finish, lambda: s.info):
                 with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
-                    s.step()
-                with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
-                    s.save()
+                    call()
             s.reset(1)
+        for line, call in (("on_finish(function() error('no') end)", lambda s: s.finish()),
+                           ("info { x = function() error('no') end }", lambda s: s.info)):
+            s = smartsurf.Simulation(self.script(base + line))
+            with self.assertRaisesRegex(smartsurf.Error, "experiment.lua:2: no"):
+                call(s)
+            with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
+                s.step()
         for line, message in (("info { x = 'y' }", "info.x = 'y': must be"), ("info { x = 0 }", "info.x = 0: must be"),
+                              *((f"info {{ ['{name}'] = function() return 1 end }}",
+                                 f"experiment.lua:2: info.{name}: infos have another value of this name")
+                                for name in ("seed", "success", "nonfinite_actions", "metrics", "error", "final_obs", "final_info",
+                                             "_seed", "varied.friction")),
                               ("episode { seconds = 0 }", r"episode.seconds = 0: must be"),
                               ("reward(3)", "reward: function = 3: must be a function"),
                               ("reward(print) reward(print)", "reward: already declared"),

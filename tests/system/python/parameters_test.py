@@ -510,6 +510,14 @@ end)""", "moved.lua")
             with self.assertRaisesRegex(ValueError, message) as raised:
                 call()
             self.assertNotIn("\n", str(raised.exception))
+        # An error in one world leaves all as they were.
+        masses = envs.get_parameter("object.box.mass").tolist()
+        for call in (lambda: envs.set_parameter("object.box.mass", [5, 6, -1]),
+                     lambda: envs.randomise({"object.box.mass": ([5, 6, -1], [7, 8, 9])})):
+            with self.assertRaisesRegex(smartsurf.Error, "world 2: .*mass = -1"):
+                call()
+            envs.reset(seed=1)
+            self.assertEqual(envs.get_parameter("object.box.mass").tolist(), masses)
         # Each range by itself is valid; both are not, whatever the seed draws, until one is smaller.
         for one in (s, envs):
             one.randomise({"faults.actuator.dead": (0, 0.6), "faults.actuator.stuck": (0, 0.6)})

@@ -341,6 +341,17 @@ class Tasks(ExperimentTest):
             if mode == AutoresetMode.DISABLED:
                 envs.reset(options={"reset_mask": bad})
             self.assertTrue(np.isfinite(envs.step(command(3, envs.action_space.shape))[1]).all())
+        for name in ("success", "failure"):
+            judged = lambda self, s: np.where((s.ticks == 3) & (s.goals["height"] < 0.7), np.nan, 0)
+            envs = type("Unclear", (Reach,), {"reward": lambda self, s: 1.0, name: judged})().make_vec(8, threads=1)
+            envs.reset(seed=1)
+            for tick in range(3):
+                _, rewards, terminated, truncated, infos = envs.step(command(tick, envs.action_space.shape))
+            np.testing.assert_array_equal(np.isnan(rewards), bad)
+            np.testing.assert_array_equal(truncated, bad)
+            self.assertFalse(terminated[bad].any() or infos["success"].any())
+            for i in np.flatnonzero(bad):
+                self.assertEqual(infos["error"][i], f"Unclear.{name} is nan in world {i}: must be finite")
         for arguments, worlds in (({"strict": True}, 8), ({}, 1)):
             envs = Undefined().make_vec(worlds, threads=1, **arguments)
             envs.reset(seed=[seed for seed in range(1, 9) if worlds == 8 or bad[seed - 1]][:worlds])
@@ -363,6 +374,7 @@ class Tasks(ExperimentTest):
                 (changed(episode_seconds=0), "episode_seconds = 0: must be a number above 0"),
                 (changed(episode_seconds="3"), "episode_seconds = '3'"),
                 (changed(goals={"seed": (0, 1)}), "goals: seed: infos have another value"),
+                (changed(goals={"metrics": (0, 1)}), "goals: metrics: infos have another value"),
                 (changed(observation=lambda self, s: np.zeros(7)), r"Mine.observation has shape \(7,\): must be \(2, …\)")):
             with self.assertRaisesRegex(ValueError, message) as raised:
                 task.make_vec(2)
@@ -371,7 +383,13 @@ class Tasks(ExperimentTest):
                                  ({"success": lambda self, s: [True]}, "Mine.success returned"),
                                  ({"observation": lambda self, s: np.zeros((2, 1 + s.ticks[0]))}, "must have those of the first"),
                                  ({"observation": lambda self, s: {f"x{s.ticks[0]}": s.time}}, "must have those of the first"),
-                                 ({"reward": lambda self, s: "much"}, "must be real numbers")):
+                                 ({"reward": lambda self, s: "much"}, "Mine.reward has values of type .*: must be real numbers"),
+                                 ({"success": lambda self, s: None}, "Mine.success has values of type object: must be real numbers"),
+                                 *((dict(failure=lambda self, s: True, metrics=lambda self, s, given=given: given), message)
+                                   for given, message in (([1], "Mine.metrics returned a list: must be a dict"),
+                                                          (None, "Mine.metrics returned a NoneType: must be a dict"),
+                                                          ({"x": "y"}, r"Mine.metrics\['x'\] has values of type"),
+                                                          ({"x": [1, 2, 3]}, r"Mine.metrics\['x'\] returned an array of shape")))):
             envs = changed(**members).make_vec(2)
             envs.reset(seed=1)
             with self.assertRaisesRegex(ValueError, message):

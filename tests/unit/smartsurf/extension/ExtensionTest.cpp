@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <filesystem>
 #include <numeric>
 
 #include "smartsurf/simulation/Environment.h"
@@ -219,6 +221,79 @@ TEST(Extension, CastsTheRaysThatItHasPrepared) {
     FAIL();
   } catch (const scene::InputError& error) {
     EXPECT_STREQ(error.what(), "census: casts ray 1, but has prepared 1");
+  }
+}
+
+TEST(Extension, RaysHaveDirectionsOfAnyLength) {
+  const std::string script = R"(
+    surface { rows = 8, columns = 8, sensors = { census { cast = 0, direction = {-LENGTH, 0, LENGTH} } } }
+    sphere { radius = 1, position = {1, 3, 3}, fixed = true })";
+  for (const char* length : {"1", "1e-30", "1e-19", "1e19", "1e20"}) {
+    std::string text = script;
+    for (std::size_t at; (at = text.find("LENGTH")) != std::string::npos;) text.replace(at, 6, length);
+    simulation::Environment environment = make(text);
+    environment.step();
+    const float distance =
+        (3.0F - std::sqrt(0.5F)) * std::sqrt(2.0F);  // to the sphere, from the cell at x = 4
+    EXPECT_NEAR(reading(environment, "census_odd")[64 + 4 * 8 + 4], -distance / 5, 1e-4F) << length;
+  }
+}
+
+TEST(Extension, RaysThatAreNoneNameTheExtensionAndTheSensor) {
+  const struct {
+    std::string ray, message;  // 7777 stands for NaN, 8888 for infinity
+  } cases[] = {{"origin = {0, 7777, 0}", "origin = (0, nan, 0): must be finite"},
+               {"origin = {8888, 0, 0}", "origin = (inf, 0, 0): must be finite"},
+               {"direction = {0, 0, 0}", "direction = (0, 0, 0): must be finite and not 0"},
+               {"direction = {0, 7777, 1}", "direction = (0, nan, 1): must be finite and not 0"},
+               {"direction = {8888, 0, 1}", "direction = (inf, 0, 1): must be finite and not 0"},
+               {"reach = 7777", "range = nan: must be finite and not negative"},
+               {"reach = 8888", "range = inf: must be finite and not negative"},
+               {"reach = -1", "range = -1: must be finite and not negative"}};
+  for (const auto& [ray, message] : cases) {
+    try {
+      make("surface { rows = 8, columns = 8, sensors = { census { name = 'eye', cast = 0, " + ray + " } } }");
+      ADD_FAILURE() << ray;
+    } catch (const scene::InputError& error) {
+      EXPECT_EQ(error.what(), std::filesystem::path(SMARTSURF_PROBE).filename().string() +
+                                  ": sensor 'eye': ray 0: " + message);
+    }
+  }
+  for (const char* ray : {"reach = 1e30", "origin = {1e30, 0, 0}", "origin = {0, 0, -1e30}"}) {
+    simulation::Environment environment =
+        make(std::string("surface { rows = 8, columns = 8, sensors = { census { cast = 0, ") + ray +
+             " } } } sphere { radius = 1, position = {3, 3, 3}, fixed = true }");
+    environment.step();
+  }
+}
+
+TEST(Extension, SizesOfStatesThatCannotBeNameTheExtension) {
+  const std::string probe = std::filesystem::path(SMARTSURF_PROBE).filename().string();
+  const struct {
+    const char* bytes;
+    std::string message;
+  } cases[] = {{"1e15", "save() returns 1000000000000000 bytes: must be at most 1073741824"},
+               {"13", "save() returns 14 bytes, but first 13"}};
+  for (const auto& [bytes, message] : cases) {
+    simulation::Environment environment = make(
+        std::string("surface { rows = 8, columns = 8, sensors = { census { bytes = ") + bytes + " } } }");
+    try {
+      environment.save();
+      ADD_FAILURE() << bytes;
+    } catch (const scene::InputError& error) {
+      EXPECT_EQ(error.what(), probe + ": sensor 'census': " + message);
+    }
+  }
+}
+
+TEST(Extension, SensorsHaveNoFalseHits) {
+  try {
+    make("surface { rows = 8, columns = 8, sensors = { census { false_hits = 0.1 } } }");
+    FAIL();
+  } catch (const scene::InputError& error) {
+    EXPECT_STREQ(error.what(),
+                 "probe.lua:1: census.false_hits = 0.1: must be 0: the sensor has no false hits, being of an "
+                 "extension");
   }
 }
 

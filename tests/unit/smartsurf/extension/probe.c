@@ -133,28 +133,54 @@ static const smartsurf_plugin_channel census_channels[] = {
     {sizeof(smartsurf_plugin_channel), 2, "_odd", "", -1, 1, 0.5, SMARTSURF_EXACT},
 };
 
-// Prepares a ray and casts ray `cast`, if that is given.
+// Prepares a ray and casts ray `cast`, if that is given. save() returns `bytes`, and one more for 13.
+enum { CAST, ORIGIN, DIRECTION, REACH, BYTES };
 static const smartsurf_plugin_parameter census_parameters[] = {
     {sizeof(smartsurf_plugin_parameter), SMARTSURF_COUNT, "cast", "", {NAN, 0, 0}, 0, 100},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_VECTOR, "origin", "u", {0, 0, 0}, -1e30, 1e30},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_VECTOR, "direction", "", {0, 0, 1}, -1e30, 1e30},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "reach", "u", {5, 0, 0}, -1e30, 1e30},
+    {sizeof(smartsurf_plugin_parameter), SMARTSURF_NUMBER, "bytes", "", {0, 0, 0}, 0, 1e18},
 };
+
+// Stands for what a script cannot give.
+static float number(double given) { return given == 7777 ? NAN : given == 8888 ? INFINITY : (float)given; }
 
 typedef struct {
   uint32_t cells;
   double cast;
+  uint64_t bytes;
 } census;
 
 static void* create_census(const smartsurf_plugin_sensor_context* context) {
   census* c = malloc(sizeof *c);
   c->cells = context->surface->rows * context->surface->columns;
-  c->cast = context->values[0].x;
+  const smartsurf_plugin_value* const values = context->values;
+  c->cast = values[CAST].x;
+  c->bytes = (uint64_t)values[BYTES].x;
   if (c->cast == 13) {
     strcpy(context->message, "\xE9\x1B[31m\xC3\xA9");  // Latin-1, an escape sequence, UTF-8
     free(c);
     return NULL;
   }
-  const smartsurf_plugin_ray up = {.size = sizeof up, .direction = {0, 0, 1}, .range = 5};
-  if (!isnan(c->cast)) context->add_ray(context, &up);
+  const smartsurf_plugin_value from = values[ORIGIN], to = values[DIRECTION];
+  const smartsurf_plugin_ray ray = {.size = sizeof ray,
+                                    .origin = {number(from.x), number(from.y), number(from.z)},
+                                    .direction = {number(to.x), number(to.y), number(to.z)},
+                                    .range = number(values[REACH].x)};
+  if (!isnan(c->cast)) context->add_ray(context, &ray);
   return c;
+}
+
+static uint64_t save_census(void* instance, void* bytes, uint64_t room) {
+  const census* c = instance;
+  if (room >= c->bytes && room > 0) memset(bytes, 1, c->bytes);
+  return c->bytes + (room == 13);
+}
+
+static int restore_census(void* instance, const void* bytes, uint64_t count) {
+  (void)bytes;
+  return count != ((const census*)instance)->bytes;
 }
 
 static void sense_census(void* instance, const smartsurf_plugin_scene* scene, float* const* readings) {
@@ -214,12 +240,15 @@ static const smartsurf_plugin_sensor sensors[] = {{
     .flags = SMARTSURF_NEEDS_IMPULSES,
     .name = "census",
     .parameters = census_parameters,
-    .parameter_count = 1,
+    .parameter_count = 5,
     .channels = census_channels,
     .channel_count = 3,
+    .mask_channel = 2,
     .create = create_census,
     .destroy = free,
     .sense = sense_census,
+    .save = save_census,
+    .restore = restore_census,
 }};
 static const smartsurf_plugin plugin = {.size = sizeof plugin,
                                         .version = SMARTSURF_PLUGIN_VERSION,
