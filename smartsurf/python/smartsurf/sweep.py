@@ -332,7 +332,7 @@ def lighter(colour: str) -> str:
 
 
 def rate_chart(x: str, lines: dict[str, list[tuple[float, int, int]]], colours: Sequence[str] = COLOURS) -> dict[str, Any]:
-    """A chart, as smartsurf.run.plot() draws it, of success rates over x. lines: by name, points of (x, successes, runs); each
+    """A chart, as smartsurf.plot() draws it, of success rates over x. lines: by name, points of (x, successes, runs); each
     is a line through the rates and two lighter ones through the ends of Wilson's interval."""
     layers: list[dict[str, Any]] = []
     for (name, points), colour in zip(lines.items(), itertools.cycle(colours)):

@@ -68,6 +68,7 @@ class RunFunction(ProgramTest):
         import smartsurf.run
         self.assertIs(smartsurf.run, run)
         self.assertIs(smartsurf.RunError, RunError)
+        self.assertIs(smartsurf.plot, plot)
 
     def test_errors_are_one_line_with_status(self):
         with self.assertRaises(RunError) as caught:
