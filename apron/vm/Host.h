@@ -58,6 +58,7 @@ class Host {
   virtual HostStatus open_clip(std::string_view /*file*/) { return HostStatus::kRefused; }
   virtual HostStatus read_clip(Plane /*to*/) { return HostStatus::kRefused; }
   virtual void close_clip() {}
+  // From 0.
   virtual HostStatus open_camera(int /*number*/) { return HostStatus::kRefused; }
   virtual HostStatus read_camera(Plane /*to*/) { return HostStatus::kRefused; }
   virtual void close_camera() {}

@@ -14,6 +14,7 @@ using program::Opcode;
 namespace {
 
 constexpr double kMaxTileColumns = 64.0;
+constexpr double kCameras = 1e6;
 
 // File name of image n of a sequence. n replaces the run of '#', zero-padded to its length; without a '#' it
 // is inserted before the extension.
@@ -46,7 +47,10 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       return to_status(host_.open_clip(decoded.text));
     case Opcode::kWebcamOpen: {
       const double number = *decoded.scalars[0];
-      return to_status(host_.open_camera(number >= 0.0 && number < 1e6 ? static_cast<int>(number) : -1));
+      if (!(number >= 0.0 && number < kCameras))
+        return fail(Status::kRefused, "a camera's number must be 0 to " + format_number(kCameras - 1.0) +
+                                          ", not " + format_number(number));
+      return to_status(host_.open_camera(static_cast<int>(number)));
     }
     case Opcode::kTimerWait:
       return to_status(host_.wait(*decoded.scalars[0]));

@@ -70,6 +70,8 @@ bool is_special_file(const fs::path& path) noexcept {
   return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
 }
 
+bool is_standard_output(const fs::path& path) { return descriptor_of(path) == STDOUT_FILENO; }
+
 // The process id keeps two processes that write the same file apart.
 fs::path part_of(const fs::path& path) { return path.string() + ".part" + std::to_string(::getpid()); }
 

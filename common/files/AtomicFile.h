@@ -18,5 +18,7 @@ std::filesystem::path part_of(const std::filesystem::path& path);
 
 // True for what replace_file() writes in place.
 bool is_special_file(const std::filesystem::path& path) noexcept;
+// True for "/dev/stdout" and the other names of this process's descriptor 1.
+bool is_standard_output(const std::filesystem::path& path);
 
 }  // namespace common

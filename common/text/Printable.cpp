@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <cstdio>
 
 #include "common/text/Utf8.h"
@@ -13,14 +14,20 @@ namespace {
 
 enum class LineBreaks { kKept, kReplaced };  // and tabs
 
+// Also Unicode's: separators of lines and paragraphs, and bidirectional embeddings, overrides and isolates,
+// by which a text shows as another one.
+bool is_control(std::uint32_t code) {
+  return code < 0x20 || (code >= 0x7F && code < 0xA0) || (code >= 0x2028 && code <= 0x202E) ||
+         (code >= 0x2066 && code <= 0x2069);
+}
+
 template <class Put>
 void for_each_printable(std::string_view text, LineBreaks line_breaks, Put put) {
   while (!text.empty()) {
     const CodePoint c = decode_utf8(text);
     const std::size_t bytes = c.bytes == 0 ? 1 : c.bytes;
-    const bool is_control = c.code < 0x20 || (c.code >= 0x7F && c.code < 0xA0);
     const bool is_kept_break = line_breaks == LineBreaks::kKept && (c.code == '\n' || c.code == '\t');
-    if (c.bytes == 0 || (is_control && !is_kept_break))
+    if (c.bytes == 0 || (is_control(c.code) && !is_kept_break))
       put('?');
     else
       for (const char byte : text.substr(0, bytes)) put(byte);

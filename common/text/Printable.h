@@ -7,8 +7,9 @@
 
 namespace common {
 
-// `text` with every control character, line breaks and the C1 codes of UTF-8 included, and every byte that is
-// not UTF-8 replaced by '?'. An escape sequence in a file's attribute must not reach the terminal.
+// `text` with every control character, line breaks, the C1 codes of UTF-8 and Unicode's line separators and
+// bidirectional controls included, and every byte that is not UTF-8 replaced by '?'. An escape sequence in a
+// file's attribute must not reach the terminal.
 std::string printable(std::string_view text);
 
 // Prints to standard output; to a terminal as by printable(), but with line breaks and tabs. A failure is

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <stdexcept>
 
 #include "common/files/AtomicFile.h"
 #include "common/files/PreparedOutputs.h"
@@ -42,8 +43,11 @@ void require_writable(const std::string& flag, const std::string& file) {
 }
 
 void replace_output_file(const std::string& flag, const std::string& file, const std::string& text) {
-  if (const std::error_code error = common::replace_file(file, text))
-    throw_input_error(flag, file, "cannot be written: " + error.message());
+  const std::error_code error = common::replace_file(file, text);
+  if (!error) return;
+  if (common::is_standard_output(file))
+    throw std::runtime_error(fmt::format("{}: cannot write the output: {}", flag, error.message()));
+  throw_input_error(flag, file, "cannot be written: " + error.message());
 }
 
 }  // namespace smartsurf::run

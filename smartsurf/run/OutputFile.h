@@ -10,7 +10,8 @@ namespace smartsurf::run {
 
 // Checks that the file's folder exists and is writable; writes nothing.
 void require_writable(const std::string& flag, const std::string& file);
-// Replaces the file atomically (common/files/AtomicFile.h).
+// Replaces the file atomically (common/files/AtomicFile.h). Throws std::runtime_error if it is standard
+// output.
 void replace_output_file(const std::string& flag, const std::string& file, const std::string& text);
 
 }  // namespace smartsurf::run

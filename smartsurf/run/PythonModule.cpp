@@ -20,13 +20,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// `-m` would put the current folder first on the path. Arguments: the build's package or "", the program's
-// name.
+// `-m` would put the current folder first on the path, as `-c` does: nothing but the built-in sys is imported
+// before it is off. Arguments: the build's package or "", the program's name.
 constexpr const char* kStart =
-    R"(import runpy, sys
+    R"(import sys
 package, module = sys.argv[1:3]
 sys.path[:] = ([package] if package else []) + [entry for entry in sys.path if entry]
 sys.argv[:3] = [module]
+import runpy
 try:
     import smartsurf
 except ModuleNotFoundError as error:

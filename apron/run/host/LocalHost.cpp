@@ -92,7 +92,6 @@ HostStatus LocalHost::read_clip(vm::Plane to) {
   return guard_media_errors([&] { clip_->read_frame(to); });
 }
 HostStatus LocalHost::open_camera(int number) {
-  if (number < 0) return report_status(HostStatus::kRefused, "a camera number must not be negative");
   const std::size_t index = number;
   const std::string path = index < cameras_.size() ? cameras_[index] : "/dev/video" + std::to_string(number);
   camera_.reset();  // before opening: a device can be opened only once

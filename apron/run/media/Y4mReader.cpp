@@ -1,12 +1,14 @@
 #include "apron/run/media/Y4mReader.h"
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <sstream>
+#include <string>
+#include <system_error>
 
 #include "apron/run/media/MediaFile.h"
 #include "common/files/Inputs.h"
-#include "common/text/Number.h"
 
 namespace apron::run {
 namespace {
@@ -14,9 +16,16 @@ namespace {
 constexpr std::size_t kMaxLineBytes = 1024;
 constexpr std::uint32_t kMaxDimension = 65536;
 
-std::uint32_t parse_dimension(const std::string& word) {
+// Of "W640" or "H480"; 0 if there is no number.
+std::uint32_t parse_dimension(const std::string& path, const std::string& word) {
+  const std::string digits = word.substr(1);
+  if (digits.find_first_not_of("0123456789") != digits.npos) return 0;
   std::uint32_t value = 0;
-  return common::parse_number(std::string_view(word).substr(1), value) && value <= kMaxDimension ? value : 0;
+  const auto [rest, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (error == std::errc::result_out_of_range || value > kMaxDimension)
+    throw_refused(path, "has the size " + word + " in its header; at most " + std::to_string(kMaxDimension) +
+                            " columns and rows are read");
+  return value;
 }
 
 // The size of both chroma planes, or -1 for an unsupported format.
@@ -55,8 +64,8 @@ Y4mReader::Y4mReader(const std::string& path) : path_(path) {
   words >> word;
   if (word != "YUV4MPEG2") throw_refused(path, "is not a YUV4MPEG2 file");
   while (words >> word) {
-    if (word[0] == 'W') frame_.width = parse_dimension(word);
-    if (word[0] == 'H') frame_.height = parse_dimension(word);
+    if (word[0] == 'W') frame_.width = parse_dimension(path, word);
+    if (word[0] == 'H') frame_.height = parse_dimension(path, word);
     if (word[0] == 'C') format = word.substr(1);
   }
   if (frame_.width == 0 || frame_.height == 0) throw_refused(path, "does not state its width and height");

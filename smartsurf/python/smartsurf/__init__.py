@@ -11,8 +11,8 @@ are Gymnasium environments of one and of many worlds, and `parallel_env` is a Pe
 whose agents are blocks of cells; they need those packages. `Env(shm=NAME)` is that of a live surface. Importing this
 package registers its tasks with Gymnasium, if that is installed: gymnasium.make("smartsurf/Relocate-v0").
 
-`run` is one run of the program smartsurf, with a controller, as a function. `LocalPolicy` is a network that every cell
-executes alike, and `export_policy` writes it as an APRON program.
+`run` is one run of the program smartsurf, with a controller, as a function, and `plot` draws a chart. `LocalPolicy` is a
+network that every cell executes alike, and `export_policy` writes it as an APRON program.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from ._tasks import TASKS, task_file
-from .run import RunError, run
+from .run import RunError, plot, run
 
 if TYPE_CHECKING:
     from . import fmu as fmu, formats as formats, sb3 as sb3, torchrl as torchrl
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Camera", "Channel", "Env", "Error", "LocalPolicy", "MinariCollector", "NetworkPolicy", "ParallelEnv", "RunError",
            "Simulation", "State", "TASKS", "Task", "TaskEnv", "TaskVectorEnv", "VectorEnv", "Video", "__version__", "attach",
-           "export_onnx", "export_policy", "load_extension", "parallel_env", "planes", "run", "task_file"]
+           "export_onnx", "export_policy", "load_extension", "parallel_env", "planes", "plot", "run", "task_file"]
 
 # Imported at their first use: runs and sweeps need neither the compiled part nor NumPy, live surfaces not the former.
 _MODULES = {"Camera": "._picture", "Video": "._picture", "Channel": "._surface", "Error": "._core",

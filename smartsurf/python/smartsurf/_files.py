@@ -18,6 +18,9 @@ def replaced(path: PathName) -> Iterator[pathlib.Path]:
     target = pathlib.Path(os.path.realpath(path))
     in_place = target.exists() and not target.is_file()
     part = target if in_place else target.with_name(target.name + ".part")
+    if not in_place:  # an older part may be a link
+        with contextlib.suppress(OSError):
+            part.unlink()
     try:
         yield part
         if not in_place:

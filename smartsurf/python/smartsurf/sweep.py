@@ -38,6 +38,8 @@ LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito 2008
 
+OUTPUTS = ("stats.json", "log", "provenance.json", "recording.h5", "status")  # of a run, in its folder
+
 MAX_NAME_BYTES = 200  # of a folder: file systems take 255, and files in preparation have longer names
 
 
@@ -211,7 +213,7 @@ def tasks(points: Sequence[Point], arguments: dict[str, Any], worlds: int = 1, t
 
 
 def execute(task: dict[str, Any]) -> None:
-    """Runs a task and writes each run's stats.json, log, provenance.json and, last, its status.
+    """Runs a task and writes each run's OUTPUTS, the last its status.
 
     A pack is one process. If it fails, its runs are repeated one by one, so that each has its own status and log."""
     folders = [pathlib.Path(folder) for folder in task["folders"]]
@@ -337,7 +339,7 @@ def lighter(colour: str) -> str:
 
 
 def rate_chart(x: str, lines: dict[str, list[tuple[float, int, int]]], colours: Sequence[str] = COLOURS) -> dict[str, Any]:
-    """A chart, as smartsurf.run.plot() draws it, of success rates over x. lines: by name, points of (x, successes, runs); each
+    """A chart, as smartsurf.plot() draws it, of success rates over x. lines: by name, points of (x, successes, runs); each
     is a line through the rates and two lighter ones through the ends of Wilson's interval."""
     layers: list[dict[str, Any]] = []
     for (name, points), colour in zip(lines.items(), itertools.cycle(colours)):

@@ -10,6 +10,10 @@
 
 namespace smartsurf::script {
 
+// What labels of objects must be, for messages.
+inline constexpr const char* kLabelRule = "at most 100 bytes in one line";
+bool is_label(const std::string&);
+
 // All throw ScriptError; `subject` begins its text.
 
 // Prints the warnings with the script's location.

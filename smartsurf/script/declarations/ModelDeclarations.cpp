@@ -21,7 +21,6 @@ using model::Inertial;
 using model::Pose;
 using scene::ShapeKind;
 
-constexpr std::size_t kMaxModelLabel = 100;
 constexpr int kMeridians = 20, kRings = 9, kPrismSides = 32;
 
 struct Placement {
@@ -184,7 +183,8 @@ std::optional<scene::ObjectId> add_body(ScriptContext& context, lua_State* L, co
   o.friction = look.friction;
   o.fixed = body.fixed;
   o.material = at.material;
-  o.label = body.names.front().substr(0, kMaxModelLabel);
+  o.label = body.names.front();
+  if (!is_label(o.label)) throw ScriptError(body.where + ": the name must be " + kLabelRule);
   for (const Geometry& g : body.geometries)
     if (g.colour) {
       o.colour = *g.colour;

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t kMaxObjects = 1'000'000;
 constexpr std::size_t kMaxHullPoints = 100'000;
-constexpr std::size_t kMaxLabelLength = 100;
+constexpr std::size_t kMaxLabelBytes = 100;
 
 // The Lua function of one shape: the fields that it takes besides kCommonFields, and their reader.
 struct ShapeBinding {
@@ -74,8 +74,7 @@ void read_common(const ScriptContext& context, lua_State* L, const TableReader& 
   fields.read("colour", object.colour);
   fields.visit("label", [&](int i, const std::string& name) {
     object.label = check_string(L, i, name);
-    if (object.label.size() > kMaxLabelLength || to_single_line(object.label) != object.label)
-      throw_invalid_value(L, i, name, "at most 100 characters in one line");
+    if (!is_label(object.label)) throw_invalid_value(L, i, name, kLabelRule);
   });
 }
 
@@ -105,6 +104,10 @@ void report_warnings(const ScriptContext& context, lua_State* L, const std::vect
 }
 
 }  // namespace
+
+bool is_label(const std::string& text) {
+  return text.size() <= kMaxLabelBytes && to_single_line(text) == text;
+}
 
 std::shared_ptr<const scene::Solid> make_solid(
     const ScriptContext& context, lua_State* L, const std::string& subject,

@@ -78,7 +78,7 @@ class Terminal(Hostile):
         self.write("a.csv", "1,\x1b]0;title\x07\n")
         self.write("layout.csv", "x,y,z\n1,\x1b[31m,0\n")
         program = self.write("p.aps", "!register(A, 2, 1)\nA = io.array.open('a.csv')\n")
-        script = self.write("s.lua", "error('red \\27[31m \\194\\155')\n")
+        script = self.write("s.lua", "error('red \\27[31m \\194\\155 \\u{202E} \\u{2028}')\n")
         layout = self.write("l.lua", "surface { layout = 'layout.csv', actuator = pin {} }\n")
         for command in ((APRON, "run", program), (SMARTSURF, "check", script), (SMARTSURF, "check", layout),
                         (APRON, "check", "\x1b[31m.aps"), (SMARTSURF, "info", "\x1b[31m.h5"), (SMARTSURF, "\x1b[31m"),
@@ -86,16 +86,20 @@ class Terminal(Hostile):
             status, out, err = self.run_program(*command)
             self.assertNotEqual(status, 0)
             self.assertNotEqual(err, "")
-            for code in ("\x1b", "\x07", "\x9b"):
+            for code in ("\x1b", "\x07", "\x9b", "\u202e", "\u2028"):
                 self.assertNotIn(code, out + err, command)
 
     def test_printed_text_is_escaped_on_terminals_alone(self):
-        script = self.write("s.lua", TABLE + "print('red \\27[31m')\n")
-        program = self.write("p.aps", "print('green')\n")
+        script = self.write("s.lua", TABLE + "print('red \\27[31m')\nprint('\u2066der\u202e')\n")
+        program = self.write("p.aps", "// \u202e\nprint('green')\nprintln('\u2029neerg')\n")
         self.assertIn(b"green", self.on_terminal(APRON, "run", program))
+        self.assertIn(b"?neerg", self.on_terminal(APRON, "run", program))
+        self.assertIn(b"// ?", self.on_terminal(APRON, "fmt", program))
+        self.assertIn("// \u202e", self.run_program(APRON, "fmt", program)[1])
         run = (SMARTSURF, "run", script, "--no-controller", "--ticks", 1)
         self.assertNotIn(b"\x1b[31m", self.on_terminal(*run))
         self.assertIn(b"red ?[31m", self.on_terminal(*run))
+        self.assertIn(b"?der?", self.on_terminal(*run))
         self.assertIn("red \x1b[31m", self.run_program(*map(str, run))[1])
 
 

@@ -2,9 +2,13 @@
 import platform
 import re
 import shutil
+import sys
 
 from programs import *
 
+# Besides the standard library's.
+MODULES = ("apron", "gymnasium", "h5py", "mcap", "mcap_ros2", "numpy", "onnx", "onnxruntime", "packaging", "pettingzoo", "pxr", "rerun",
+           "scipy", "shm_protocol", "sitecustomize", "smartsurf", "tensorboard", "torch", "typing_extensions", "usercustomize")
 CMAKE = os.environ.get("SMARTSURF_CMAKE", "cmake")
 
 
@@ -90,18 +94,61 @@ class Loading(ProgramTest):
             status, out, err = self.run_program(str(program), "--help")
             self.assertEqual(status, 0, f"{name}: {out}{err}")
 
+    def plant_modules(self):
+        """Modules of every name that Python might import; those that are imported leave their names in `imported`."""
+        for module in (*sys.stdlib_module_names, *MODULES):
+            self.write(f"{module}.py", f"open({str(self.folder / 'imported')!r}, 'a').write({module!r} + '\\n')\n")
+
+    def imported(self, *command, **environment):
+        """Of these modules, what the command has imported; and what it said."""
+        (self.folder / "imported").unlink(missing_ok=True)
+        kept = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONSAFEPATH", "SMARTSURF_PYTHON")}
+        child = subprocess.Popen([str(word) for word in command], cwd=self.folder, env=kept | environment, text=True,
+                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.children.append(child)
+        _, out, _ = self.finish(child)
+        found = self.folder / "imported"
+        return sorted(set(found.read_text().split())) if found.exists() else [], out
+
+    def test_planted_modules_would_be_seen(self):
+        self.plant_modules()
+        names, _ = self.imported(sys.executable, "-c", "import numpy, runpy")
+        self.assertIn("numpy", names)
+
     def test_doctor_imports_nothing_of_the_current_folder(self):
-        for module in ("numpy", "ctypes", "json"):
-            self.write(f"{module}.py", "open('imported', 'w')\nraise SystemExit('imported from the current folder')\n")
+        self.plant_modules()
         doctor = shutil.copy(ROOT / "scripts/doctor", self.folder / "doctor")
-        for path in (None, "/nowhere"):
-            environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | ({"PYTHONPATH": path} if path else {})
-            child = subprocess.Popen([str(doctor)], cwd=self.folder, env=environment, text=True, stdout=subprocess.PIPE,
-                                     stderr=subprocess.PIPE)
-            self.children.append(child)
-            _, out, _ = self.finish(child)
-            self.assertNotIn("imported from", out)
-            self.assertFalse((self.folder / "imported").exists(), out)
+        for environment in ({}, {"PYTHONPATH": "/nowhere"}):
+            names, out = self.imported(doctor, **environment)
+            self.assertEqual(names, [], out)
+
+    @unittest.skipUnless((BIN.parent / "python/smartsurf/__init__.py").exists(), "needs the Python package")
+    def test_statements_in_python_import_nothing_of_the_current_folder(self):
+        self.write("table.lua", "surface { rows = 4, columns = 4, actuator = pin {}, sensors = { proximity {} } }\nepisode { seconds = 0.1 }\n"
+                   "reward(function() return 0 end)\n")
+        self.run_program(SMARTSURF, "run", "table.lua", "--no-controller", "--ticks", "3", "--record", "run.h5")
+        self.write("model.onnx", "no model")
+        self.plant_modules()
+        statements = [("train", "table.lua", "-o", "out", "--iterations", 1, "--candidates", 2, "--runs", 1),
+                      ("train", "table.lua", "-o", "out", "--iterations", 1, "--method", "ppo", "--worlds", 1),
+                      ("identify", "run.h5", "--experiment", "table.lua", "-o", "identified.lua"), ("fmu", "table.lua", "-o", "table.fmu"),
+                      *(("export", "run.h5", "-o", f"run.{extension}") for extension in ("usda", "usd", "rrd", "mcap")),
+                      ("run", "table.lua", "--controller", "model.onnx", "--ticks", 1)]
+        # The build's interpreter, which may have only what the package needs, and those with what the statements import later.
+        for python in (None, ROOT / "build/venv/bin/python", ROOT / "build/formats/bin/python"):
+            if python and not python.exists():
+                continue
+            for statement in statements:
+                names, out = self.imported(SMARTSURF, *statement, **({"SMARTSURF_PYTHON": str(python)} if python else {}))
+                self.assertEqual(names, [], (python, statement, out))
+                self.assertNotIn("needs the Python package smartsurf", out)
+
+    def test_sweeps_import_nothing_of_the_current_folder(self):
+        self.write("table.lua", "surface { rows = 4, columns = 4, actuator = pin {} }\n")
+        self.plant_modules()
+        names, out = self.imported(ROOT / "scripts/sweep", "table.lua", "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out")
+        self.assertEqual(names, [], out)
+        self.assertTrue((self.folder / "out/results.csv").exists(), out)
 
 
 if __name__ == "__main__":

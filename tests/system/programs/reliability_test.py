@@ -147,7 +147,9 @@ class Resources(ReliabilityTest):
 
     def test_output_that_cannot_be_written_gives_status_1(self):
         printer = self.write("print.lua", "surface { rows = 4, columns = 4 }\nprint('hello')\n")
-        for command in ([SMARTSURF, "run", printer, "--no-controller", "--ticks", "1"], [APRON, "disasm", SORT_APS],
+        quiet = [SMARTSURF, "run", self.write("quiet.lua", "surface { rows = 4, columns = 4 }\n"), "--no-controller", "--ticks", "1"]
+        for command in ([SMARTSURF, "run", printer, "--no-controller", "--ticks", "1"], [*quiet, "--stats", "-"],
+                        [*quiet, "--stats", "/dev/fd/1"], [*quiet, "--stats", "-", "--worlds", "2"], [APRON, "disasm", SORT_APS],
                         [APRON, "fmt", SORT_APS], [SMARTSURF, "--help"],
                         *([str(BIN / "shm_dump"), flag] for flag in ("--list", "--clean", "--version", "--help"))):
             with open("/dev/full", "w") as full:

@@ -68,6 +68,7 @@ class RunFunction(ProgramTest):
         import smartsurf.run
         self.assertIs(smartsurf.run, run)
         self.assertIs(smartsurf.RunError, RunError)
+        self.assertIs(smartsurf.plot, plot)
 
     def test_errors_are_one_line_with_status(self):
         with self.assertRaises(RunError) as caught:
@@ -169,6 +170,30 @@ class Sweep(ProgramTest):
         # Random numbers depend on the seed only, not on options.
         self.assertEqual(len({r["chance"] for r in rows}), 3)
         self.assertEqual(rows[0]["chance"], rows[3]["chance"])
+
+    def test_inputs_are_kept(self):
+        self.write("table.csv", "a")
+        self.write("aside.lua", "return 1\n")
+        self.write("table.lua", TABLE + "\nlocal file = option('file', 'x', 'a file')\nrequire 'aside'\n")
+        run = self.folder / "out/runs/file=table.csv,seed=1"
+        run.mkdir(parents=True)
+        for link, file in (("out/results.csv", "table.lua"), ("out/summary.csv", "aside.lua"), ("out/provenance.json", "table.csv"),
+                           (run / "log", "table.lua")):
+            link = self.folder / link
+            for make in (link.symlink_to, link.hardlink_to):
+                make(self.folder / file)
+                before = {path: path.read_text() for path in self.folder.rglob("*") if path.is_file()}
+                status, out, err = self.sweep("--set", "file=table.csv")
+                self.assertEqual((status, err.count("\n")), (2, 1), out + err)
+                self.assertRegex(err, f"sweep: .*{link.name}: would overwrite .*{file}, an input of this command")
+                link.unlink()
+                (self.folder / "out/.lock").unlink()
+                self.assertEqual({path: path.read_text() for path in self.folder.rglob("*") if path.is_file()},
+                                 {path: text for path, text in before.items() if path not in (link, self.folder / "out/.lock")})
+        # A file in preparation is a new one.
+        (self.folder / "out/results.csv.part").symlink_to(self.folder / "table.csv")
+        status, out, err = self.sweep("--set", "file=table.csv")
+        self.assertEqual((status, (self.folder / "table.csv").read_text()), (0, "a"), out + err)
 
     def test_a_metric_does_not_hide_a_statistic(self):
         self.write("table.lua", TABLE.replace("metric('product'", "metric('contacts', -7) metric('product'"))

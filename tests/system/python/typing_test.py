@@ -49,6 +49,7 @@ class Turn(smartsurf.Task):
 
 
 learner: smartsurf.TaskVectorEnv = Turn().make_vec(64, threads=2)
+smartsurf.plot({"layers": []}, "chart.svg")
 """
 
 # Each line is wrong, alone.

@@ -57,7 +57,12 @@ TEST_F(Y4mReaderTest, ReportsInvalidFiles) {
   EXPECT_EQ(error("YUV4MPEG2 W65536 H65536\nFRAME\n"), "ends inside a frame");
   EXPECT_EQ(error("RIFF"), "is not a YUV4MPEG2 file");
   EXPECT_EQ(error("YUV4MPEG2 W3\n"), "does not state its width and height");
-  EXPECT_EQ(error("YUV4MPEG2 W3 H99999999999\n"), "does not state its width and height");
+  EXPECT_EQ(error("YUV4MPEG2 W3 H-2\n"), "does not state its width and height");
+  EXPECT_EQ(error("YUV4MPEG2 W3 H\n"), "does not state its width and height");
+  EXPECT_EQ(error("YUV4MPEG2 W65537 H2\n"),
+            "has the size W65537 in its header; at most 65536 columns and rows are read");
+  EXPECT_EQ(error("YUV4MPEG2 W3 H99999999999\n"),
+            "has the size H99999999999 in its header; at most 65536 columns and rows are read");
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 C420p10\n"), "has colours in the format '420p10', which is not supported");
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 Cmono\nFRAME\nabcd"), "ends inside a frame");
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 Cmono\n"), "has no frame");

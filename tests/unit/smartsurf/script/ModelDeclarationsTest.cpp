@@ -317,16 +317,30 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
 
 // Messages show the first 100 characters.
 TEST_F(ModelsTest, NamesAreComparedAsAWhole) {
-  const std::string start(120, 'n');
-  const auto body = [&](const std::string& end) {
-    return "<body name='" + start + end + "' pos='" + end + " 0 0'><freejoint/><geom size='1'/></body>";
+  const auto bodies = [](std::size_t length, const std::string& ends) {
+    std::string text;
+    for (const char end : ends)
+      text += "<body name='" + std::string(length, 'n') + end + "' pos='" + end +
+              " 0 0'><freejoint/><geom size='1'/></body>";
+    return "<worldbody>" + text + "</worldbody>";
   };
-  EXPECT_EQ(scene_of("mjcf", "<mujoco><worldbody>" + body("1") + body("9") + "</worldbody></mujoco>")
-                .objects.size(),
-            2U);
-  EXPECT_EQ(
-      mjcf_error("<worldbody>" + body("1") + body("1") + "</worldbody>"),
-      "t.lua:2: m.xml:2: <body name='" + start.substr(0, 100) + "'>: there is another body of that name");
+  const scene::SceneSpec spec = scene_of("mjcf", "<mujoco>" + bodies(99, "19") + "</mujoco>");
+  ASSERT_EQ(spec.objects.size(), 2U);
+  EXPECT_EQ(spec.objects[1].label, std::string(99, 'n') + "9");
+  EXPECT_EQ(mjcf_error(bodies(120, "11")), "t.lua:2: m.xml:2: <body name='" + std::string(100, 'n') +
+                                               "'>: there is another body of that name");
+}
+
+TEST_F(ModelsTest, NamesAreLabels) {
+  const std::string rule = "'>: the name must be at most 100 bytes in one line";
+  const std::string long_name(100, 'n'), umlauts = std::string(99, 'n') + "\u00e4";
+  const std::string shape = "'><collision><geometry><sphere radius='1'/></geometry></collision></link>";
+  for (const std::string& name : {long_name + "1", umlauts})
+    EXPECT_EQ(urdf_error("<link name='" + name + shape),
+              "t.lua:2: m.xml:2: <link name='" + name.substr(0, 100) + rule);
+  EXPECT_TRUE(urdf_error("<link name='a\x7f" + shape).ends_with(rule));
+  EXPECT_TRUE(
+      mjcf_error("<worldbody><body name='a\x7f'><geom size='1'/></body></worldbody>").ends_with(rule));
 }
 
 // Deep, long and cut files end in one line.
