@@ -299,13 +299,16 @@ TEST_F(LibraryMask, InstructionsOfTheChipToo) {
           return operands.contains(parameter.kind);
         });
     if (!is_instruction || macro.name.starts_with("scamp5.")) continue;
-    std::string call, before;
+    std::string call;
+    std::vector<std::string> used;
+    const bool differ = std::set<std::string>{"abs", "XOR", "XORX"}.contains(macro.name);  // or are refused
     for (const syntax::MacroParameter& parameter : macro.parameters) {
       const std::vector<std::string>& choice = operands.at(parameter.kind);
       std::string operand = choice[rng_() % choice.size()];
-      while (macro.name == "abs" && operand == before) operand = choice[rng_() % choice.size()];  // refused
+      while (differ && std::ranges::find(used, operand) != used.end())
+        operand = choice[rng_() % choice.size()];
       call += (call.empty() ? macro.name + "(" : ", ") + operand;
-      before = operand;
+      used.push_back(operand);
     }
     call += ")\n";
     if (++tried % cases(1U, 15U) != 0) continue;

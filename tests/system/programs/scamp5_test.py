@@ -240,7 +240,21 @@ class ScampSequences(ProgramTest):
         "AND": ["ddd"], "NAND": ["ddd"], "ANDX": ["ddd"], "NANDX": ["ddd"], "IMP": ["ddd"], "NIMP": ["ddd"], "XOR": ["ddd"],
         "MUX": ["dddd"], "CLR_IF": ["dd"], "DNEWS0": ["dd"], "DNEWS1": ["dd"], "PROP0": [""], "PROP1": [""]}
 
+    # Registers that an operand must not be, because the sequence overwrites them, by operand.
+    OVERWRITTEN = {"AND": ["", "R0", "R0 R12"], "NAND": ["", "R0", "R0 R12"], "ANDX": ["", "R0 R12", "R0"],
+                   "NANDX": ["", "R0 R12", "R0"], "IMP": ["", "R0", ""], "NIMP": ["", "R0", ""],
+                   "XOR": ["R0 R12", "R0 R12", "R0"], "MUX": ["", "R0 R12", "R0 R12", "R0"], "CLR_IF": ["", "R0"]}
+
+    def is_refused(self, name, words):
+        return (any(word in kept.split() for word, kept in zip(words, self.OVERWRITTEN.get(name, [])))
+                or (name == "XOR" and words[0] in words[1:]))
+
     def instruction(self, random):
+        while self.is_refused(*(drawn := self.draw_instruction(random))):
+            pass
+        return drawn
+
+    def draw_instruction(self, random):
         name = random.choice(list(self.FORMS))
         words, targets = [], []
         for kind in random.choice(self.FORMS[name]):
