@@ -11,7 +11,8 @@ from programs import *
 
 SIZE = 6
 NAMES = ["A", "B", "C", "D", "E", "F", "NEWS"] + [f"R{k}" for k in range(13)] + ["FLAG"]
-ANALOGUE, DIGITAL, WAYS = "ABCDEF", [f"R{k}" for k in range(5, 13)], ["north", "east", "south", "west"]
+# AND overwrites R0 and R12.
+ANALOGUE, DIGITAL, WAYS = "ABCDEF", [f"R{k}" for k in range(4, 12)], ["north", "east", "south", "west"]
 TYPES = ["int", "int", "int", "uint8_t", "int8_t", "uint16_t", "unsigned", "bool"]
 
 # Each form that a kernel's text may have, once.
