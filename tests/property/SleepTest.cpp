@@ -41,6 +41,29 @@ TEST(Sleep, EveryShapeFallsAsleep) {
   EXPECT_EQ(fixture.world().sleeping_count(), 5);
 }
 
+// Limits of rest do not grow with the pitch alone, but with a finer unit, in which gravity is greater, too.
+TEST(Sleep, SlowObjectsRollOnOverCoarseSurfaces) {
+  for (const double pitch : {1.0, 10.0, 100.0}) {
+    PhysicsFixture fixture;
+    fixture.scene.surface.pitch = fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = pitch;
+    fixture.scene.materials[0].rolling_friction = 0.0;
+    auto ball = sphere(2, {15 * pitch, 15 * pitch, 2});
+    ball.velocity = {1, 0, 0}, ball.angular_velocity = {0, 0.5, 0};
+    const auto id = fixture.add(ball);
+    fixture.run(3.0);
+    EXPECT_NEAR(static_cast<double>(fixture.position(id).x()) - 15 * pitch, 3.0, 0.02) << pitch;
+  }
+}
+
+TEST(Sleep, RestsInMillimetres) {
+  PhysicsFixture fixture;
+  fixture.scene.surface.pitch = fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 10.0;
+  fixture.scene.world.gravity *= 1000.0;
+  fixture.add(box({20, 20, 20}, {150, 150, 10.2}));
+  fixture.run(2.0);
+  EXPECT_EQ(fixture.world().sleeping_count(), 1);
+}
+
 TEST(Sleep, FallingAsleepDoesNotChangeTheLoad) {
   PhysicsFixture fixture;
   fixture.add(box({2, 2, 2}, {15.2, 15.3, 1.0}));

@@ -478,7 +478,7 @@ class PartOnField {
 
   // Adds the candidates, reduced if there are more than a manifold holds.
   void add(const Plateau& p, ManifoldReducer& found, Candidates& out) const {
-    constexpr int kMaxContacts = 4;  // as ManifoldReducer::reduce()
+    constexpr int kMaxContacts = 4;  // that are kept all
     auto take = [&](const ManifoldCandidate& c) { add(p, c, out); };
     if (found.count() <= kMaxContacts)
       found.for_each(take);

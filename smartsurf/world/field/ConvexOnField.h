@@ -37,8 +37,8 @@ struct FieldCandidate {
 void collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<FieldCandidate>& out);
 
-// Appends at most four contacts per convex part with the plane z = ground_height, with separations up to
-// `margin`.
+// Appends at most eight contacts per convex part (ManifoldReducer) with the plane z = ground_height, with
+// separations up to `margin`.
 void collide_shape_with_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground_height,
                                float margin, std::vector<Contact>& out);
 

@@ -13,7 +13,8 @@
 
 namespace smartsurf::world {
 
-// A body that is deep in another one or in a cell, or off its joints, in this step.
+// A body that is deep in a cell or in another one, of which the upper one does not give way, or off its
+// joints, in this step.
 struct DeepContact {
   std::int32_t body;
   float depth;      // u

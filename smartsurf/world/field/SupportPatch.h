@@ -1,12 +1,12 @@
 // Support patches: a patch is the set of cells that a flat face, or a line, of a body lies on, which share
 // its load.
 //
-// The reduced manifold of a flat contact carries the right force and moment at four points, but a plate rests
-// on all the cells that it covers. A patch has one sample per covered cell, a spring of vanishing compliance
-// at the centre of the area that the cell shares with the face, or nearer to its lowest corners where the
-// face tilts. The load of sample i is N_i = max(0, a + b·x_i + c·y_i), with the force and the moment of the
-// normal impulses at the patch's points (least squares among non-negative loads). Each sample rubs with its
-// own load; the points have no friction of their own.
+// The reduced manifold of a flat contact carries the right force and moment at a few points, but a plate
+// rests on all the cells that it covers. A patch has one sample per covered cell, a spring of vanishing
+// compliance at the centre of the area that the cell shares with the face, or nearer to its lowest corners
+// where the face tilts. The load of sample i is N_i = max(0, a + b·x_i + c·y_i), with the force and the
+// moment of the normal impulses at the patch's points (least squares among non-negative loads). Each sample
+// rubs with its own load; the points have no friction of their own.
 //
 // If cells have force limits, each cell has contact points of its own, N_i is at most what the cell can give,
 // and the points take over these loads.

@@ -38,10 +38,10 @@ struct TipFrame {
 };
 
 // Appends the contacts with separations up to `margin` ≥ 0. A sphere has at most four
-// (SphereManifoldReducer), another convex body four, chosen among those of all tips; a body of several convex
-// parts has at most four for each pair of parts. Contacts with tips that move sideways are kept in addition,
-// because each pushes in a direction of its own. Cost: proportional to the tips near the body. `layout`: null
-// for a rectangular one.
+// (SphereManifoldReducer), another convex body up to eight for each plane (ManifoldReducer), chosen among
+// those of all tips; a body of several convex parts has as many for each pair of parts. Contacts with tips
+// that move sideways are kept in addition, because each pushes in a direction of its own. Cost: proportional
+// to the tips near the body. `layout`: null for a rectangular one.
 void collide_with_tips(const surface::Field&, const FreeLayoutField* layout, const Shape&, const Vec3& centre,
                        const Mat3& axes, float margin, std::vector<Contact>& out);
 

@@ -166,6 +166,7 @@ float collide_parts(const ConvexProxy& a, const ConvexProxy& b, const SearchLimi
     contact.anchor = c.point - centre;
     contact.separation = c.separation;
   };
+  // Along z: where gravity acts in another direction, this only adds points.
   const ConvexProxy& upper = a.centre.z() > b.centre.z() ? a : b;
   candidates.reduce(take, upper.centre + upper.axes * upper.part.shape.centre_of_mass);
   const float loss = candidates.twist_friction_loss(std::span(corner, out.size() - first));

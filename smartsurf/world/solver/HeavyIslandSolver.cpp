@@ -129,7 +129,7 @@ void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
     const bool is_heavy = loading > kHeavyLoad * weight_impulse || may_bear || excess > kDeepAlone;
     if (!is_heavy && excess <= kDeepTogether) continue;
-    // The islands of these would be excluded, but all lanes of the scene would be looked at before.
+    // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     MemberData& own = members_[member];

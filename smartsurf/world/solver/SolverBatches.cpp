@@ -11,8 +11,9 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kPressingNormalZ = 0.5F;   // of contacts that press a body down
-constexpr float kLeastEscape = 0.5F;       // speed of a body that gives way to one below it, relative to that
+constexpr float kPressingNormalZ = 0.5F;  // of contacts that press a body down
+// How far a body that gives way to one below it rises in a step, relative to that one.
+constexpr float kLeastEscape = 0.5F;
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
 
 void store(float (*to)[kLanes], int lane, const Vec3& from) {
