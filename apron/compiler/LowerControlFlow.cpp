@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "apron/compiler/Lowering.h"
+#include "apron/program/LoopCheck.h"
 #include "apron/program/ScalarArithmetic.h"
 
 namespace apron::compiler {
@@ -12,8 +13,6 @@ using program::Opcode;
 using syntax::ExpressionKind;
 
 namespace {
-
-constexpr double kMaxLoopCount = program::kMaxWholeScalar - 1;  // a counter is that plus 1 at the end
 
 std::string_view block_keyword(BlockKind kind) {
   static constexpr std::string_view kWords[] = {"if", "while", "for", "repeat", "where"};
@@ -125,14 +124,8 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   const Value bound = loop_invariant(lower_scalar(arguments[2], "'for'"));
   const Value step = arguments.size() == 4 ? loop_invariant(lower_scalar(arguments[3], "'for'"))
                                            : Value::from_constant(1.0F);
-  if (step.is_constant() && !(step.constant > 0.0F || step.constant < 0.0F)) {
-    fail(arguments.back().location, "the step of a 'for' cannot be zero");
-  }
-  for (const Value& end : {from, bound}) {
-    if (end.is_constant() && std::abs(end.constant) > kMaxLoopCount) {
-      fail(location, "'for' counts from -{0:.0f} to {0:.0f} at most", kMaxLoopCount);
-    }
-  }
+  check_for(from, bound, step,
+            step.is_constant() && step.constant == 0.0 ? arguments.back().location : location);
   ResultDestination destination{&variable, false};
   const Value counter = resolve_destination(destination, false, {});
   if (counter.is_register()) fail(variable.location, "'for' counts in a scalar, and this is a register");
@@ -144,10 +137,27 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   block.counter = counter;
   block.bound = bound;
   block.step = step;
-  for (const Value& value : {bound, step}) builder_.describe(value, "the 'for'");
+  if (!step.is_constant()) {
+    block.direction = retained(builder_.allocate_scalar_temporary());
+    builder_.emit(Opcode::kSign, builder_.operand(block.direction), {builder_.operand(step)});
+  }
+  for (const Value& value : {bound, step, block.direction}) builder_.describe(value, "the 'for'");
   if (has_fraction) count_rounds(block, first);
   builder_.bind_label(block.test_label);
   emit_for_test(block);
+}
+
+// Here, as far as the numbers are constants, and before the loop's first round.
+void Lowering::check_for(const Value& from, const Value& bound, const Value& step, Location location) {
+  const auto constant_or = [](const Value& value, double other) {
+    return value.is_constant() ? value.constant : other;
+  };
+  const std::string error =
+      program::check_for(constant_or(from, 0.0), constant_or(bound, 0.0), constant_or(step, 1.0));
+  if (!error.empty()) fail(location, "{}", error);
+  if (!from.is_constant() || !bound.is_constant() || !step.is_constant())
+    builder_.emit(Opcode::kCheckFor, {},
+                  {builder_.operand(from), builder_.operand(bound), builder_.operand(step)});
 }
 
 // Sums of a fraction drift: ten times 0.1 are more than 1. The counter of such a loop is a product instead,
@@ -190,21 +200,22 @@ void Lowering::emit_for_test(const Block& block) {
     const Opcode comparison = block.step.constant > 0.0 ? Opcode::kLe : Opcode::kGe;
     return emit_conditional_jump({comparison, block.counter, limit}, false, block.end_label);
   }
-  // Continues while (bound - counter) * step >= 0, for steps of either sign.
+  // Continues while (bound - counter) * direction >= 0, for steps of either sign.
   const Value remaining = builder_.allocate_scalar_temporary();
   builder_.emit(Opcode::kSub, builder_.operand(remaining),
                 {builder_.operand(block.bound), builder_.operand(block.counter)});
   builder_.emit(Opcode::kMul, builder_.operand(remaining),
-                {builder_.operand(remaining), builder_.operand(block.step)});
+                {builder_.operand(remaining), builder_.operand(block.direction)});
   emit_conditional_jump({Opcode::kGe, remaining, Value::from_constant(0.0)}, false, block.end_label);
 }
 
 void Lowering::open_repeat(const Expressions& arguments, Location location) {
   const Value count = lower_scalar(arguments[0], "'repeat'");
-  if (count.is_constant() && std::isnan(count.constant))
-    fail(arguments[0].location, "'repeat' takes a number of rounds, and this is none (NaN)");
-  if (count.is_constant() && count.constant > kMaxLoopCount) {
-    fail(arguments[0].location, "'repeat' counts up to {:.0f} at most", kMaxLoopCount);
+  if (count.is_constant()) {
+    if (const std::string error = program::check_repeat(count.constant); !error.empty())
+      fail(arguments[0].location, "{}", error);
+  } else {
+    builder_.emit(Opcode::kCheckRepeat, {}, {builder_.operand(count)});
   }
   const Value remaining = retained(builder_.allocate_scalar_temporary());
   builder_.emit(Opcode::kCopy, builder_.operand(remaining), {builder_.operand(count)});
@@ -282,7 +293,7 @@ void Lowering::close_block(BlockKind kind, Location location) {
   }
   builder_.bind_label(block.end_label);
   for (const Value& value :
-       {block.condition, block.counter, block.bound, block.step, block.first, block.round})
+       {block.condition, block.counter, block.bound, block.step, block.direction, block.first, block.round})
     builder_.release(value);
   blocks_.pop_back();
 }

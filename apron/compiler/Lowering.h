@@ -64,6 +64,7 @@ class Lowering {
     Shape where_shape;
     Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
+    Value direction;  // the sign of a step that is no constant
     // A `for` with a fraction as its step computes its counter: first + round · step.
     Value first, round;
   };
@@ -273,6 +274,7 @@ class Lowering {
   void open_if(const Expressions&, Location);
   void open_while(const Expressions&, Location);
   void open_for(const Expressions&, Location);
+  void check_for(const Value& from, const Value& bound, const Value& step, Location);
   Value loop_invariant(const Value&);
   void count_rounds(Block&, const Value& first);
   void emit_for_test(const Block&);

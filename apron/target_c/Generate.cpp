@@ -204,7 +204,7 @@ class Generator {
                                             {scalar_text(region, region.a), scalar_text(region, region.b)});
       next = fmt::format("scalar_is_true({}) == {} ? {} : {}", comparison, region.expected ? 1 : 0,
                          first_position_[region.next[0]], first_position_[region.next[1]]);
-    } else if (region.ending != Ending::kEnd) {
+    } else if (region.ending < Ending::kEnd) {
       next = std::to_string(first_position_[region.next[0]]);
     }
     if (tile_.uses_random)
@@ -223,6 +223,9 @@ class Generator {
       case Ending::kEnd:
         say("s->position = HAS_ENDED;");
         say("return PROGRAM_ENDED;");
+        return;
+      case Ending::kFail:
+        say("return PROGRAM_FAILED;");  // again whenever it is called
         return;
     }
   }
@@ -486,6 +489,27 @@ class Generator {
     return text;
   }
 
+  std::string error_text() const {
+    std::string text;
+    for (std::size_t i = 0; i < tile_.regions.size(); ++i)
+      if (const Region& region = tile_.regions[i]; region.ending == Ending::kFail)
+        text += fmt::format("    case {}:\n      return {};\n", first_position_[i], quoted(region.error));
+    return text;
+  }
+
+  // As a string of C.
+  static std::string quoted(const std::string& text) {
+    std::string literal = "\"";
+    for (const char c : text) {
+      const auto byte = static_cast<unsigned char>(c);
+      if (byte >= 0x20 && byte < 0x7F && c != '"' && c != '\\' && c != '?')
+        literal += c;
+      else
+        literal += fmt::format("\\{:03o}", byte);
+    }
+    return literal + '"';
+  }
+
   std::string start_text() const {
     std::string text;
     for (std::size_t slot = 0; slot < slot_.size(); ++slot)
@@ -559,6 +583,7 @@ class Generator {
       replace_all(run, "    if (s->phase != 0 && !exchange(s)) return PROGRAM_EDGES;\n", "");
     replace_all(run, "@START@\n", start_text());
     replace_all(run, "@BODY@\n", body_text());
+    replace_all(run, "@ERRORS@\n", error_text());
     text += run;
     text = renamed(std::move(text));
     replace_all(text, "@SOURCE@", comment_text(source_));

@@ -78,7 +78,7 @@ struct Homes {
   }
 };
 
-enum class Ending : std::uint8_t { kJump, kBranch, kStep, kEnd };
+enum class Ending : std::uint8_t { kJump, kBranch, kStep, kEnd, kFail };
 
 struct Region {
   std::size_t first_instruction = 0;
@@ -93,10 +93,11 @@ struct Region {
   program::Opcode comparison = program::Opcode::kNop;
   bool expected = true;
   NodeId a = kNoNode, b = kNoNode;
+  std::string error;  // kFail: with file and line
   std::array<std::uint32_t, 2> next{0, 0};
 
   std::size_t successor_count() const {
-    return ending == Ending::kEnd ? 0 : ending == Ending::kBranch ? 2 : 1;
+    return ending >= Ending::kEnd ? 0 : ending == Ending::kBranch ? 2 : 1;
   }
 };
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "apron/program/LocalityCheck.h"
+#include "apron/program/LoopCheck.h"
 #include "apron/program/Reachability.h"
 #include "apron/program/ScalarArithmetic.h"
 #include "apron/target_c/GraphBuilder.h"
@@ -40,6 +41,7 @@ std::string at(const Program& program, std::size_t instruction, const std::strin
 // What decides how a region runs, besides the values of scalars.
 struct Place {
   bool is_start = false;
+  bool fails = false;  // the instruction stops the program
   std::size_t instruction = 0;
   std::vector<std::uint32_t> calls;
   std::vector<bool> uniform_levels;  // of the nested blocks: the condition is a scalar
@@ -470,6 +472,32 @@ class Tracer {
     }
   }
 
+  // 1 where program::check_for() or check_repeat() finds no error; refuses the program where it is known to
+  // find one.
+  NodeId loop_condition(const Instruction& instruction) {
+    const bool is_for = instruction.op == Opcode::kCheckFor;
+    std::array<NodeId, 3> numbers{};
+    std::array<double, 3> known{1.0, 1.0, 1.0};
+    NodeId condition = graph_->literal(1.0);
+    const auto require = [&](Opcode op, NodeId number, double end) {
+      condition = graph_->apply(Opcode::kAnd, condition, graph_->apply(op, number, graph_->literal(end)));
+    };
+    for (std::size_t k = 0; k < (is_for ? 3 : 1); ++k) {
+      numbers[k] = source(instruction.operands[k]);
+      if (const auto value = graph_->value(numbers[k])) {
+        known[k] = *value;
+        continue;
+      }
+      require(Opcode::kLe, is_for ? graph_->apply(Opcode::kAbs, numbers[k]) : numbers[k],
+              program::kMaxLoopCount);
+      if (k == 2) require(Opcode::kNe, numbers[k], 0.0);
+    }
+    const std::string error =
+        is_for ? program::check_for(known[0], known[1], known[2]) : program::check_repeat(known[0]);
+    if (!error.empty()) refuse(error);
+    return condition;
+  }
+
   void execute_mask(const Instruction& instruction) {
     switch (instruction.op) {
       case Opcode::kMaskOn:
@@ -618,8 +646,9 @@ class Tracer {
   }
 
   // Records what the region leaves in the homes, and enters the region that begins at `instruction`.
-  std::uint32_t leave_to(std::size_t instruction) {
+  std::uint32_t leave_to(std::size_t instruction, bool fails = false) {
     Place place;
+    place.fails = fails;
     place.instruction = instruction;
     place.calls = calls_;
     place.has_base = has_base_;
@@ -668,6 +697,18 @@ class Tracer {
     region.is_start = is_start_;
     std::size_t next = entries_[index].place.instruction;
     region.first_instruction = next;
+    if (entries_[index].place.fails) {
+      const Instruction& check = program_.code[next];
+      region.ending = Ending::kFail;
+      region.error =
+          at(program_, next,
+             check.op == Opcode::kCheckFor
+                 ? fmt::format("error: 'for' counts from -{0:.0f} to {0:.0f} at most, in steps "
+                               "that are not 0",
+                               program::kMaxLoopCount)
+                 : fmt::format("error: 'repeat' counts up to {:.0f} at most", program::kMaxLoopCount));
+      return region;
+    }
     for (std::size_t executed = 0;; ++executed) {
       at_ = next;
       if (graph_->size() > kMaxNodes)
@@ -708,6 +749,18 @@ class Tracer {
       switch (op) {
         case Opcode::kNop:
           continue;
+        case Opcode::kCheckFor:
+        case Opcode::kCheckRepeat: {
+          const NodeId valid = loop_condition(instruction);
+          if (graph_->value(valid)) continue;
+          region.ending = Ending::kBranch;
+          region.comparison = Opcode::kNe;
+          region.a = valid;
+          region.b = graph_->literal(0.0);
+          settle(region);
+          region.next = {leave_to(next), leave_to(at_, true)};
+          return region;
+        }
         case Opcode::kCall:
           if (calls_.size() == program::kMaxCallDepth)
             refuse(fmt::format("calls are nested more than {} deep: does a routine call itself?",

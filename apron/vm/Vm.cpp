@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "apron/program/CallSite.h"
+#include "apron/program/LoopCheck.h"
 #include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/kernels/Shift.h"
@@ -503,6 +504,9 @@ Status Vm::execute_control_flow(const DecodedInstruction& decoded) {
       return Status::kRunning;
     case Opcode::kEnd:
       return Status::kEnded;
+    case Opcode::kCheckFor:
+    case Opcode::kCheckRepeat:
+      return execute_loop_check(decoded);
     case Opcode::kJump:
       jump = true;
       break;
@@ -513,6 +517,14 @@ Status Vm::execute_control_flow(const DecodedInstruction& decoded) {
   }
   if (jump) program_counter_ = decoded.jump_target;
   return Status::kRunning;
+}
+
+Status Vm::execute_loop_check(const DecodedInstruction& decoded) {
+  const auto& numbers = decoded.scalars;
+  const std::string error = decoded.op == Opcode::kCheckFor
+                                ? program::check_for(*numbers[0], *numbers[1], *numbers[2])
+                                : program::check_repeat(*numbers[0]);
+  return error.empty() ? Status::kRunning : fail(Status::kFailed, error);
 }
 
 Status Vm::execute_call(const DecodedInstruction& decoded) {

@@ -151,6 +151,7 @@ class Vm {
   Status access_group_member(const DecodedInstruction& decoded);
   Status access_group_register(const DecodedInstruction& decoded, Plane reg);
   Status execute_control_flow(const DecodedInstruction& decoded);
+  Status execute_loop_check(const DecodedInstruction& decoded);
   Status execute_call(const DecodedInstruction& decoded);
   Status execute_host_op(const DecodedInstruction& decoded);
   Status execute_host_read(const DecodedInstruction& decoded);

@@ -205,6 +205,10 @@ int main(int count, char** arguments) {
     board.missing = board.blocked = 0;
     status = TILE_RUN(&state);
     if (status == TILE_ENDED) return 0;
+    if (status == TILE_FAILED) {
+      fprintf(stderr, "%s\n", TILE_ERROR(&state));
+      return 1;
+    }
     if (status == TILE_DONE) {
       const uint32_t numbers[5] = {state.lost[0], state.lost[1], state.lost[2], state.lost[3],
                                    (uint32_t)board.dropped};

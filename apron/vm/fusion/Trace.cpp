@@ -4,6 +4,7 @@
 #include <optional>
 #include <unordered_map>
 
+#include "apron/program/LoopCheck.h"
 #include "apron/program/ScalarArithmetic.h"
 
 namespace apron::vm {
@@ -237,9 +238,14 @@ class TraceBuilder {
       default:
         break;
     }
+    const auto a = operand_value(0, in), b = operand_value(1, in), c = operand_value(2, in);
+    if (!a || !b || !c) return false;
+    if (decoded.op == Opcode::kCheckFor || decoded.op == Opcode::kCheckRepeat) {
+      ++next_;
+      return (decoded.op == Opcode::kCheckFor ? program::check_for(*a, *b, *c) : program::check_repeat(*a))
+          .empty();
+    }
     if (!is_conditional_jump(decoded.op)) return false;
-    const auto a = operand_value(0, in), b = operand_value(1, in);
-    if (!a || !b) return false;
     next_ = is_branch_taken(decoded.op, *a, *b) ? decoded.jump_target : next_ + 1;
     return true;
   }

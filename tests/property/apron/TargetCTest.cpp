@@ -94,7 +94,7 @@ struct Links {
   int (*receive)(void*, int, std::uint16_t, std::uint8_t*, std::uint16_t);
   void (*end)(void*, void*, std::uint32_t);
 };
-enum { kDone, kEdges, kEnded };
+enum { kDone, kEdges, kEnded, kFailed };
 enum { kReady, kNotYet, kGivenUp };
 
 // A compiled tile: its functions, by name.
@@ -104,6 +104,7 @@ struct TileCode {
   unsigned (*size)() = nullptr;
   int (*init)(void*, const Links*, int, int, int, int) = nullptr;
   int (*run)(void*) = nullptr;
+  const char* (*error)(const void*) = nullptr;
   float* (*channel)(void*, int) = nullptr;
   std::vector<std::string> members;
   void (*clock)(void*, double, double, double) = nullptr;
@@ -185,6 +186,7 @@ class Library {
     bind(code.size, "_size");
     bind(code.init, "_init");
     bind(code.run, "_run");
+    bind(code.error, "_error");
     bind(code.channel, "_channel");
     bind(code.clock, "_clock");
     return code;
@@ -598,6 +600,59 @@ TEST(TargetC, ElementwiseInstructionsMatchTheVmForIntegers) {
   EXPECT_EQ(program::verify(one.program), "");
   check_as_one_tile(one);
   count_cases(static_cast<std::size_t>(channel) * kSize.width * kSize.height * kTicks);
+}
+
+// In the third tick the step of the `for` is 0, and the rounds of the `repeat` are infinite.
+TEST(TargetC, ALoopWithoutAnEndStopsTheBoardWhereItStopsTheVm) {
+  for (const auto& [op, what] :
+       {std::pair<Opcode, std::string>{Opcode::kCheckFor,
+                                       "'for' counts from -9007199254740991 to 9007199254740991 at most, in "
+                                       "steps that are not 0"},
+        {Opcode::kCheckRepeat, "'repeat' counts up to 9007199254740991 at most"}}) {
+    TestProgram build;
+    const Operand a = build.reg(4, 3), n = build.var();
+    const std::size_t top = build.next_index();
+    build.add(Opcode::kSurfaceTime, n);
+    build.add(Opcode::kSub, n, n, build.lit(static_cast<float>(2 * kPeriod)));
+    if (op == Opcode::kCheckFor) {
+      build.add(op, {}, build.lit(0), build.lit(9), n);
+    } else {
+      build.add(Opcode::kDiv, n, build.lit(1), n);
+      build.add(op, {}, n);
+    }
+    build.add(Opcode::kSurfaceActuate, {}, build.text("y"), a);
+    build.add(Opcode::kSurfaceStep);
+    build.add(Opcode::kJump, {}, TestProgram::label(top));
+    Case one;
+    one.size = {4, 3};
+    one.program = build.finish();
+    ASSERT_EQ(program::verify(one.program), "");
+    SurfaceFrames host(12, 0);
+    Vm vm(one.program, {}, host);
+    EXPECT_EQ(vm.run(), Status::kTick);
+    EXPECT_EQ(vm.run(), Status::kTick);
+    EXPECT_EQ(vm.run(), Status::kFailed);
+    one.split.widths = {4};
+    one.split.heights = {3};
+    Library library;
+    generate_tiles(one, library);
+    ASSERT_TRUE(library.build());
+    TileCode code = library.find(one.names.at({4, 3}), 4, 3);
+    std::vector<double> memory(code.size() / sizeof(double) + 1);
+    const Links links{&code,
+                      [](void* context, void* state, std::uint32_t tick) {
+                        static_cast<TileCode*>(context)->clock(state, tick, kPeriod * tick, kPeriod);
+                      },
+                      nullptr, nullptr, [](void*, void*, std::uint32_t) {}};
+    ASSERT_EQ(code.init(memory.data(), &links, 0, 0, 3, 4), 0);
+    EXPECT_EQ(code.run(memory.data()), kDone);
+    EXPECT_EQ(code.run(memory.data()), kDone);
+    EXPECT_STREQ(code.error(memory.data()), "");
+    EXPECT_EQ(code.run(memory.data()), kFailed);
+    EXPECT_EQ(code.run(memory.data()), kFailed);
+    EXPECT_EQ(code.error(memory.data()),
+              "test.aps:" + std::to_string(op == Opcode::kCheckFor ? 3 : 4) + ": error: " + what);
+  }
 }
 
 TEST(TargetC, SaysWhatAnIntegerCannotHold) {

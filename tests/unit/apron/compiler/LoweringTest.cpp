@@ -148,15 +148,15 @@ TEST(Listing, Loops) {
             "copy i, 1\nunless.le i, 3, @5\nnop\nadd i, i, 1\njump @1\n");
   EXPECT_EQ(compiled("for(i, 3, 1, -1)\nnop\nendfor"),
             "copy i, 3\nunless.ge i, 1, @5\nnop\nadd i, i, -1\njump @1\n");
-  EXPECT_EQ(compiled("s = 2\nfor(i, 0, 8, s)\nnop\nendfor"),
-            "copy s, 2\ncopy $0, s\ncopy i, 0\nsub $1, 8, i\nmul $1, $1, $0\nunless.ge $1, 0, @9\nnop\nadd "
-            "i, i, $0\n"
-            "jump @3\n");
-  // The bound is taken once, and its temporary is not lost to the body.
   EXPECT_EQ(
-      compiled("n = 4\nfor(i, 1, n + 1)\nx = (i + 1) * (i + 2)\nendfor"),
-      "copy n, 4\nadd $0, n, 1\ncopy i, 1\nunless.le i, $0, @9\nadd $1, i, 1\nadd $2, i, 2\nmul x, $1, $2\n"
-      "add i, i, 1\njump @3\n");
+      compiled("s = 2\nfor(i, 0, 8, s)\nnop\nendfor"),
+      "copy s, 2\ncopy $0, s\ncheck.for 0, 8, $0\ncopy i, 0\nsign $1, $0\nsub $2, 8, i\nmul $2, $2, $1\n"
+      "unless.ge $2, 0, @11\nnop\nadd i, i, $0\njump @5\n");
+  // The bound is taken once, and its temporary is not lost to the body.
+  EXPECT_EQ(compiled("n = 4\nfor(i, 1, n + 1)\nx = (i + 1) * (i + 2)\nendfor"),
+            "copy n, 4\nadd $0, n, 1\ncheck.for 1, $0, 1\ncopy i, 1\nunless.le i, $0, @10\nadd $1, i, 1\nadd "
+            "$2, i, 2\n"
+            "mul x, $1, $2\nadd i, i, 1\njump @4\n");
   EXPECT_EQ(compiled("repeat(2)\nif(1 < 2)\nbreak\nendif\ncontinue\nendrepeat"),
             "copy $0, 2\nunless.gt $0, 0, @6\njump @6\njump @4\nsub $0, $0, 1\njump @1\n");
 }
