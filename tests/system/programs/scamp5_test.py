@@ -240,10 +240,10 @@ class ScampSequences(ProgramTest):
         "AND": ["ddd"], "NAND": ["ddd"], "ANDX": ["ddd"], "NANDX": ["ddd"], "IMP": ["ddd"], "NIMP": ["ddd"], "XOR": ["ddd"],
         "MUX": ["dddd"], "CLR_IF": ["dd"], "DNEWS0": ["dd"], "DNEWS1": ["dd"], "PROP0": [""], "PROP1": [""]}
 
-    # Registers that an operand must not be, because the sequence overwrites them, by operand.
-    OVERWRITTEN = {"AND": ["", "R0", "R0 R12"], "NAND": ["", "R0", "R0 R12"], "ANDX": ["", "R0 R12", "R0"],
-                   "NANDX": ["", "R0 R12", "R0"], "IMP": ["", "R0", ""], "NIMP": ["", "R0", ""],
-                   "XOR": ["R0 R12", "R0 R12", "R0"], "MUX": ["", "R0 R12", "R0 R12", "R0"], "CLR_IF": ["", "R0"]}
+    # Registers that an operand must not be, because the sequence overwrites or does not write them, by operand.
+    OVERWRITTEN = {"AND": ["R12", "R0", "R0 R12"], "NAND": ["", "R0", "R0 R12"], "ANDX": ["R12", "R0 R12", "R0"],
+                   "NANDX": ["R12", "R0 R12", "R0"], "IMP": ["R12", "R0", ""], "NIMP": ["R12", "R0", ""],
+                   "XOR": ["R0 R12", "R0 R12", "R0"], "MUX": ["", "R0 R12", "R0 R12", "R0"], "CLR_IF": ["R12", "R0"]}
 
     def is_refused(self, name, words):
         return (any(word in kept.split() for word, kept in zip(words, self.OVERWRITTEN.get(name, [])))

@@ -2,6 +2,9 @@
 // operand more in one line that names it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cctype>
 #include <fstream>
 #include <map>
 #include <sstream>
@@ -9,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apron/program/ScalarArithmetic.h"
 #include "tests/unit/apron/compiler/CompileText.h"
 
 namespace apron::compiler {
@@ -210,39 +214,172 @@ TEST(ScampOperands, MessagesNameTheOtherKindOrTheNearestName) {
       "analogue register (A to F, NEWS)");
 }
 
-// The sequences overwrite scratch registers, and XOR its destination, before they read these operands.
-TEST(ScampOperands, RegistersThatTheSequenceOverwritesAreRefused) {
-  struct Case {
-    const char *line, *mnemonic, *overwritten;
+// ---- the sequences of the digital instructions ----
+
+// Operands y, r, s, t and registers by number; of each step, the destination comes first.
+struct Sequence {
+  const char *mnemonic, *operands, *steps;
+  bool (*formula)(bool y, bool r, bool s, bool t);
+};
+
+const std::vector<Sequence> kSequences = {
+    {"AND", "yrs", "SET 0|NOT 12 r|NOT 0 s|NOR y 0 12", [](bool, bool r, bool s, bool) { return r && s; }},
+    {"NAND", "yrs", "SET 0|NOT 12 r|NOT 0 s|OR y 0 12", [](bool, bool r, bool s, bool) { return !(r && s); }},
+    {"ANDX", "yrs", "NOT 0 r|NOT r s|NOR y 0 r", [](bool, bool r, bool s, bool) { return r && s; }},
+    {"NANDX", "yrs", "NOT 0 r|NOT r s|OR y 0 r", [](bool, bool r, bool s, bool) { return !(r && s); }},
+    {"IMP", "yrs", "NOT 0 s|OR y r 0", [](bool, bool r, bool s, bool) { return r || !s; }},
+    {"NIMP", "yrs", "NOT 0 s|NOR y r 0", [](bool, bool r, bool s, bool) { return !r && s; }},
+    {"XOR", "yrs", "NOT 0 s|NOR y r 0|NOT 0 r|NOR r s 0|OR y y r",
+     [](bool, bool r, bool s, bool) { return r != s; }},
+    {"MUX", "yrst", "SET 0|MOV 12 t|MOV 0 r|MOV 12 s|MOV y 12",
+     [](bool, bool r, bool s, bool t) { return r ? s : t; }},
+    {"CLR_IF", "ys", "NOT 0 y|NOR y 0 s", [](bool y, bool, bool s, bool) { return y && !s; }}};
+
+// R0 and R12, which the sequences use, and as many others as an instruction has operands.
+constexpr std::array kUsed = {0, 12, 5, 6, 7, 8};
+constexpr unsigned kStates = 1U << kUsed.size();
+using Digital = std::array<bool, 13>;
+using Choice = std::map<char, int>;  // the register of each operand
+
+Digital digital_state(unsigned state) {
+  Digital registers{};
+  for (std::size_t i = 0; i < kUsed.size(); ++i)
+    registers[static_cast<std::size_t>(kUsed[i])] = (state >> i & 1U) != 0;
+  return registers;
+}
+
+bool wanted(const Sequence& sequence, Choice choice, const Digital& before) {
+  const auto value = [&](char operand) {
+    const auto found = choice.find(operand);
+    return found != choice.end() && before[static_cast<std::size_t>(found->second)];
   };
-  for (const auto& [line, mnemonic, overwritten] :
-       std::initializer_list<Case>{{"AND(R5, R0, R6)", "AND", "R0"},
-                                   {"AND(R5, R6, RF)", "AND", "R0"},
-                                   {"NAND(R5, R6, RP)", "NAND", "R12"},
-                                   {"ANDX(R5, R12, R6)", "ANDX", "R12"},
-                                   {"ANDX(R5, R6, R0)", "ANDX", "R0"},
-                                   {"NANDX(R5, R0, R6)", "NANDX", "R0"},
-                                   {"IMP(R5, R0, R6)", "IMP", "R0"},
-                                   {"NIMP(R5, R0, R6)", "NIMP", "R0"},
-                                   {"XOR(R5, R5, R6)", "XOR", "R5"},
-                                   {"XOR(R5, R6, R5)", "XOR", "R5"},
-                                   {"XORX(S0, S0, R6)", "XOR", "R5"},
-                                   {"XOR(R0, R5, R6)", "XOR", "R0"},
-                                   {"XOR(R12, R5, R6)", "XOR", "R12"},
-                                   {"XOR(R5, R12, R6)", "XOR", "R12"},
-                                   {"XOR(R5, R6, R0)", "XOR", "R0"},
-                                   {"MUX(R5, R0, R6, R7)", "MUX", "R0"},
-                                   {"MUX(R5, R6, R12, R7)", "MUX", "R12"},
-                                   {"MUX(R5, R6, R7, R0)", "MUX", "R0"},
-                                   {"CLR_IF(R5, R0)", "CLR_IF", "R0"}}) {
+  return sequence.formula(value('y'), value('r'), value('s'), value('t'));
+}
+
+// What the chip does: R12 is written where R0 is 1.
+bool computed(const Sequence& sequence, const Choice& choice, Digital registers) {
+  std::istringstream steps(sequence.steps);
+  for (std::string step; std::getline(steps, step, '|');) {
+    std::istringstream words(step);
+    std::string name, word;
+    words >> name;
+    std::vector<std::size_t> at;
+    while (words >> word)
+      at.push_back(static_cast<std::size_t>(
+          std::isdigit(static_cast<unsigned char>(word[0])) != 0 ? std::stoi(word) : choice.at(word[0])));
+    bool any = name == "SET";
+    for (std::size_t i = 1; i < at.size(); ++i) any = any || registers[at[i]];
+    if (at[0] != 12 || registers[0]) registers[at[0]] = any != (name == "NOT" || name == "NOR");
+  }
+  return registers[static_cast<std::size_t>(choice.at('y'))];
+}
+
+// All choices of registers but those that differ in the names of R5 to R8 alone.
+std::vector<Choice> choices(const std::string& operands) {
+  std::vector<Choice> all{{}};
+  for (const char operand : operands) {
+    std::vector<Choice> longer;
+    for (const Choice& choice : all) {
+      int next = 5;
+      for (const auto& [other, number] : choice)
+        if (number != 12) next = std::max(next, number + 1);
+      for (const int number : kUsed) {
+        if (number != 12 && number > next) continue;
+        longer.push_back(choice);
+        longer.back()[operand] = number;
+      }
+    }
+    all = longer;
+  }
+  return all;
+}
+
+std::string sequence_call(const Sequence& sequence, const Choice& choice) {
+  std::vector<std::string> words;
+  for (const char* operand = sequence.operands; *operand != 0; ++operand)
+    words.push_back("R" + std::to_string(choice.at(*operand)));
+  return call(sequence.mnemonic, words);
+}
+
+// The registers after a program of element-wise instructions, one cell for each state of the registers b0 to
+// b5.
+std::map<std::string, std::vector<double>> run_elementwise(const program::Program& program) {
+  std::vector<std::vector<double>> registers(program.registers.size(), std::vector<double>(kStates)),
+      variables(program.variables.size(), std::vector<double>(kStates));
+  for (std::size_t i = 0; i < registers.size(); ++i)
+    if (const std::string& name = program.registers[i].name; name.size() == 2 && name[0] == 'b')
+      for (unsigned state = 0; state < kStates; ++state) registers[i][state] = state >> (name[1] - '0') & 1U;
+  const auto cells = [&](const program::Operand& operand) -> std::vector<double> {
+    if (operand.kind == program::OperandKind::kRegister) return registers[operand.index];
+    if (operand.kind == program::OperandKind::kVariable) return variables[operand.index];
+    return std::vector<double>(
+        kStates, operand.kind == program::OperandKind::kLiteral ? program.literals[operand.index] : 0.0);
+  };
+  for (const program::Instruction& in : program.code) {
+    if (in.op == program::Opcode::kEnd) break;
+    const auto a = cells(in.operands[0]), b = cells(in.operands[1]), c = cells(in.operands[2]);
+    auto& to = in.destination.kind == program::OperandKind::kRegister ? registers[in.destination.index]
+                                                                      : variables[in.destination.index];
+    for (unsigned state = 0; state < kStates; ++state)
+      to[state] = program::evaluate_scalar(in.op, a[state], b[state], c[state]);
+  }
+  std::map<std::string, std::vector<double>> named;
+  for (std::size_t i = 0; i < registers.size(); ++i) named[program.registers[i].name] = registers[i];
+  return named;
+}
+
+// Of all choices of operands, those are refused that leave a wrong y in some state of the registers; the
+// others leave the right one.
+TEST(ScampOperands, SequencesThatWouldComputeAWrongResultAreRefused) {
+  WrongCalls wrong;
+  std::string declared = "!register(b0, b1, b2, b3, b4, b5)\n", lines;
+  std::vector<std::pair<const Sequence*, Choice>> right;
+  for (const Sequence& sequence : kSequences) {
+    for (const Choice& choice : choices(sequence.operands)) {
+      bool is_right = true;
+      for (unsigned state = 0; state < kStates; ++state)
+        is_right = is_right && computed(sequence, choice, digital_state(state)) ==
+                                   wanted(sequence, choice, digital_state(state));
+      if (!is_right) {
+        wrong.add(sequence_call(sequence, choice), sequence.mnemonic + std::string("("));
+        if (HasFatalFailure()) return;
+        continue;
+      }
+      const std::string result = "y" + std::to_string(right.size());
+      declared += "!register(" + result + ")\n";
+      for (std::size_t i = 0; i < kUsed.size(); ++i)
+        lines += "R" + std::to_string(kUsed[i]) + " = b" + std::to_string(i) + "\n";
+      lines += sequence_call(sequence, choice) + result + " = R" + std::to_string(choice.at('y')) + "\n";
+      right.emplace_back(&sequence, choice);
+    }
+  }
+  wrong.check();
+  const CompileResult result = compile_kernel(declared + lines);
+  ASSERT_TRUE(result.program) << errors(result);
+  const auto registers = run_elementwise(*result.program);
+  for (std::size_t k = 0; k < right.size(); ++k)
+    for (unsigned state = 0; state < kStates; ++state)
+      ASSERT_EQ(registers.at("y" + std::to_string(k))[state] != 0.0,
+                wanted(*right[k].first, right[k].second, digital_state(state)))
+          << sequence_call(*right[k].first, right[k].second) << digital_state(state)[0];
+}
+
+TEST(ScampOperands, RegistersThatOtherSequencesOverwriteAreRefused) {
+  for (const auto& [line, message] : std::initializer_list<std::pair<const char*, std::string>>{
+           {"XORX(S0, S0, R6)",
+            "XOR(y, r, s) computes in y, r and R0: y must be none of r, s, R0 and R12, r neither R0 nor R12, "
+            "s "
+            "not R0"},
+           {"DNEWS(R5, RW, north)", "DNEWS(y, r, …) sets R1 to R4 first: r must be none of them"},
+           {"scamp5_flood(R0, R5, 0)",
+            "scamp5_flood(y, mask, …) computes in R0 and R12: y must not be R0, mask neither R0 nor R12"},
+           {"scamp5_flood(R5, R12, 1)",
+            "scamp5_flood(y, mask, …) computes in R0 and R12: y must not be R0, mask neither R0 nor R12"}}) {
     const CompileResult result = compile_kernel(line);
     ASSERT_EQ(result.diagnostics.size(), 1U) << line;
-    EXPECT_EQ(result.diagnostics[0].message,
-              "the sequence of " + std::string(mnemonic) +
-                  " overwrites its operand: it must be another register than " + overwritten)
-        << line;
+    EXPECT_EQ(result.diagnostics[0].message, message) << line;
   }
-  const CompileResult right = compile_kernel("AND(R5, R12, R5)\nIMP(R0, R5, R0)\nMUX(R5, R5, R6, R12)\n");
+  const CompileResult right = compile_kernel("DNEWS(R1, R5, north)\nscamp5_flood(R12, R5, 0)\n");
   EXPECT_TRUE(right.program) << errors(right);
 }
 
