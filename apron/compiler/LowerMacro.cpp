@@ -73,7 +73,7 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     try {
       symbol.value = lower(binding.value);
     } catch (const CompileError& error) {
-      diagnostics_.error(error.location, error.message);
+      report(error);
     } catch (const AlreadyReported&) {
     }
     builder_.retain(symbol.value);

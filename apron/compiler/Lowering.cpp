@@ -83,7 +83,7 @@ void Lowering::lower_statement(const Statement& statement) {
   try {
     dispatch_statement(statement);
   } catch (const CompileError& error) {
-    diagnostics_.error(error.location, error.message);
+    report(error);
     if (statement.kind == StatementKind::kMacroBegin) skipped_expansion_ = statement.expansion_id;
     recover_from_error(statement);
   } catch (const AlreadyReported&) {
@@ -92,6 +92,11 @@ void Lowering::lower_statement(const Statement& statement) {
   builder_.release_to(mark);
   shape_hint_ = outer_hint;
   is_register_statement_ = outer_array;
+}
+
+void Lowering::report(const CompileError& error) {
+  if (error.is_final) return diagnostics_.final_error(error.location, error.message);
+  diagnostics_.error(error.location, error.message);
 }
 
 void Lowering::dispatch_statement(const Statement& statement) {
@@ -502,7 +507,7 @@ program::Program Lowering::finish() {
     for (ScalarRead& read : scalar_reads_) read.instruction = builder_.final_position(read.instruction);
     return program;
   } catch (const CompileError& error) {
-    diagnostics_.error(error.location, error.message);
+    report(error);
     return {};
   }
 }

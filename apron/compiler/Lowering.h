@@ -109,6 +109,7 @@ class Lowering {
   void note_masks(const Builtin&);
   void lower_statements(std::span<const Statement>);
   void lower_statement(const Statement&);
+  void report(const CompileError&);
   void dispatch_statement(const Statement&);
   void lower_resolved(const Statement&);
   bool mentions_text(const Expression&) const;

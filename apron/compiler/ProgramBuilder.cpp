@@ -34,17 +34,17 @@ void ProgramBuilder::add_expansion(const syntax::ExpansionInfo& expansion, const
 std::uint32_t ProgramBuilder::add_register(std::string name, Shape shape) {
   const std::uint64_t cells = std::uint64_t{shape.width} * shape.height;
   if (cells > program::kMaxCells) {
-    fail(location_, "a register of {}x{} has more than {} cells", shape.width, shape.height,
-         program::kMaxCells);
+    fail_at_limit(location_, "a register of {}x{} has more than {} cells", shape.width, shape.height,
+                  program::kMaxCells);
   }
   if (program_.registers.size() >= program::kMaxRegisters) {
-    fail(location_, "the program needs more than {} registers", program::kMaxRegisters);
+    fail_at_limit(location_, "the program needs more than {} registers", program::kMaxRegisters);
   }
   register_bytes_ += program::stored_bytes(shape.width, shape.height, shape.type);
   if (register_bytes_ > program::kMaxMemoryBytes) {
-    fail(location_, "the registers take more than {} bytes: a row of {} cell{} takes {}",
-         program::kMaxMemoryBytes, shape.width, shape.width == 1 ? "" : "s",
-         program::stored_row_bytes(shape.width, shape.type));
+    fail_at_limit(location_, "the registers take more than {} bytes: a row of {} cell{} takes {}",
+                  program::kMaxMemoryBytes, shape.width, shape.width == 1 ? "" : "s",
+                  program::stored_row_bytes(shape.width, shape.type));
   }
   program_.registers.push_back({std::move(name), shape.width, shape.height, shape.type});
   return static_cast<std::uint32_t>(program_.registers.size() - 1);
@@ -162,7 +162,7 @@ Shape ProgramBuilder::shape(const Value& value) const {
 void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<Operand> operands,
                           bool masked) {
   if (program_.code.size() - bodies_.size() + 1 >= program::kMaxInstructions) {
-    fail(location_, "the program has more than {} instructions", program::kMaxInstructions);
+    fail_at_limit(location_, "the program has more than {} instructions", program::kMaxInstructions);
   }
   append(op, destination, operands, masked);
 }

@@ -48,6 +48,7 @@ struct Value {
 struct CompileError {
   syntax::Location location;
   std::string message;
+  bool is_final = false;  // a limit of the whole program is hit
 };
 // Thrown for a statement that uses a name whose declaration or first write has an error, which is reported
 // there.
@@ -57,6 +58,11 @@ template <class... Arguments>
 [[noreturn]] void fail(syntax::Location location, fmt::format_string<Arguments...> message,
                        Arguments&&... arguments) {
   throw CompileError{location, fmt::format(message, std::forward<Arguments>(arguments)...)};
+}
+template <class... Arguments>
+[[noreturn]] void fail_at_limit(syntax::Location location, fmt::format_string<Arguments...> message,
+                                Arguments&&... arguments) {
+  throw CompileError{location, fmt::format(message, std::forward<Arguments>(arguments)...), true};
 }
 
 class ProgramBuilder {

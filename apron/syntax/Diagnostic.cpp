@@ -93,6 +93,11 @@ void Diagnostics::error(Location location, std::string message, std::vector<Note
   full_ = diagnostics_.size() >= max_errors_;
 }
 
+void Diagnostics::final_error(Location location, std::string message) {
+  error(location, std::move(message));
+  full_ = true;
+}
+
 void Diagnostics::conditional_error(Location location, std::string message) {
   const std::size_t count = diagnostics_.size();
   error(location, std::move(message));

@@ -37,6 +37,8 @@ class Diagnostics {
   void error(Location location, std::string message, std::vector<Note> notes = {});
   // One that a macro's body may not have in another call: by an `!error`, or for the sizes of arrays.
   void conditional_error(Location location, std::string message);
+  // The last one: errors after it would follow from it.
+  void final_error(Location location, std::string message);
   // Does not refuse the program. At most kMaxErrors are kept.
   void warning(Location location, std::string message);
   bool full() const noexcept { return full_; }

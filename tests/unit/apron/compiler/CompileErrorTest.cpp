@@ -430,5 +430,21 @@ TEST(WrongProgram, FirstLineOfReport) {
   }
 }
 
+// Names whose declarations come after it are not declared.
+TEST(WrongProgram, ALimitOfTheWholeProgramIsItsLastError) {
+  for (const auto& [program, message] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"!register(a[4000])\n!register(b[200])\n!register(C)\nb[0] = 1\nC = b[0]\nwhile(1)\n",
+            "the program needs more than 4096 registers"},
+           {"!register(a[4095])\nfunction y = f(plane x)\n!register(t, u)\nt = x * 2\nu = t + x\ny = t * u\n"
+            "endfunction\na[0] = f(a[1])\na[1] = f(a[2] + f(a[3]))\n",
+            "the program needs more than 4096 registers"},
+           {"!create('E', REGISTER, 100000, 8192)\n!register(C)\nr[E] = r[E] + 1\n",
+            "a register of 100000x8192 has more than 67108864 cells"}}) {
+    const CompileResult result = compile_text(program);
+    ASSERT_EQ(result.diagnostics.size(), 1U) << errors(result);
+    EXPECT_EQ(result.diagnostics[0].message, message);
+  }
+}
+
 }  // namespace
 }  // namespace apron::compiler
