@@ -16,6 +16,7 @@
 #include "apron/language_server/SourceIndex.h"
 #include "apron/syntax/FileReader.h"
 #include "apron/syntax/Formatter.h"
+#include "apron/syntax/Preprocessor.h"
 #include "apron/syntax/Token.h"
 
 namespace apron::language_server {
@@ -450,15 +451,7 @@ class LanguageServer {
                        {"kind", block ? kKeyword : kFunction},
                        {"documentation", {{"kind", "markdown"}, {"value", instruction_page(name)}}}});
     }
-    for (const std::string_view directive : {"!include",       "!define",          "!if",
-                                             "!else",          "!endif",           "!for",
-                                             "!endfor",        "!macro_def",       "!macro_begin",
-                                             "!macro_end",     "!register",        "!int32",
-                                             "!uint16",        "!uint8",           "!scalar",
-                                             "!create",        "!object",          "!machine_register",
-                                             "!operand_kind",  "!error",           "!operator",
-                                             "!compatibility", "!default_palette", "!module",
-                                             "!max_addr"})
+    for (const std::string& directive : syntax::Preprocessor::directive_names())
       items.push_back({{"label", directive}, {"kind", kKeyword}});
     return {{"isIncomplete", false}, {"items", items}};
   }

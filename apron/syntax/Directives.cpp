@@ -118,13 +118,17 @@ bool Preprocessor::parse_string_argument(const Tokens& tokens, std::string& text
   return valid;
 }
 
-void Preprocessor::handle_directive(Line& line) {
-  struct Directive {
-    std::string name;
-    void (Preprocessor::*handle)(const Tokens&);
-    bool expands_defines = true;
-  };
-  static const Directive kDirectives[] = {{"macro_def", &Preprocessor::handle_macro_def, false},
+struct Preprocessor::Directive {
+  std::string_view name;
+  void (Preprocessor::*handle)(const Tokens&);  // null: handle_conditional() has taken it
+  bool expands_defines = true;
+};
+
+std::span<const Preprocessor::Directive> Preprocessor::directives() {
+  static const Directive kDirectives[] = {{"if", nullptr},
+                                          {"else", nullptr},
+                                          {"endif", nullptr},
+                                          {"macro_def", &Preprocessor::handle_macro_def, false},
                                           {"define", &Preprocessor::handle_define, false},
                                           {"for", &Preprocessor::handle_for},
                                           {"endfor", &Preprocessor::handle_stray_macro_line},
@@ -147,16 +151,23 @@ void Preprocessor::handle_directive(Line& line) {
                                           {"sim_core", &Preprocessor::ignore_directive},
                                           {"macro_begin", &Preprocessor::handle_stray_macro_line},
                                           {"macro_end", &Preprocessor::handle_stray_macro_line}};
+  return kDirectives;
+}
+
+std::vector<std::string> Preprocessor::directive_names() {
+  std::vector<std::string> names;
+  for (const Directive& directive : directives()) names.push_back("!" + std::string(directive.name));
+  return names;
+}
+
+void Preprocessor::handle_directive(Line& line) {
   const Token name = line.tokens.front();
-  const auto* const directive = std::ranges::find(kDirectives, name.text, &Directive::name);
+  const auto directive = std::ranges::find(directives(), name.text, &Directive::name);
   // A macro's body is skipped even if its first line has an error.
   if (line.has_error && name.text != "macro_def") return;
-  if (directive == std::end(kDirectives)) {
-    std::vector<std::string> known{"!if", "!else", "!endif"};
-    for (const Directive& one : kDirectives) known.push_back("!" + one.name);
+  if (directive == directives().end())
     return report(name.location, "there is no directive '!{}'{}", name.text,
-                  common::did_you_mean(spelling(name), known));
-  }
+                  common::did_you_mean(spelling(name), directive_names()));
   if (!directive->expands_defines || expand_defines(line.tokens)) (this->*directive->handle)(line.tokens);
 }
 

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -101,6 +102,8 @@ class Preprocessor {
   // What a limit of depth says of a function that calls itself: ": …"; "" if none does.
   std::string endless_function() const;
   const MacroTable& macros() const noexcept { return macros_; }
+  // "!include" and the like.
+  static std::vector<std::string> directive_names();
   bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
 
   // Continues with the macro's body, whose parameters are replaced by the tokens. Returns false if a limit is
@@ -167,6 +170,8 @@ class Preprocessor {
 
   // Directives.cpp
   using Arguments = std::vector<Tokens>;
+  struct Directive;
+  static std::span<const Directive> directives();
   void handle_directive(Line&);
   void ignore_directive(const Tokens&);
   void handle_stray_macro_line(const Tokens&);

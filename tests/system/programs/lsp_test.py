@@ -180,6 +180,11 @@ class LanguageServer(unittest.TestCase):
         labels = {item["label"] for item in self.ask("completion", "n = 0")["items"]}
         self.assertLessEqual({"Object", "Größe", "n", "twice", "erode", "near.sum", "where", "!include", "#frame", "LIMIT", "k"}, labels)
 
+    def test_completion_knows_every_directive_of_the_manual(self):
+        labels = {item["label"] for item in self.ask("completion", "n = 0")["items"]}
+        manual = (SOURCE / "docs/apron-language.md").read_text()
+        self.assertLessEqual(set(re.findall(r"`(![a-z_0-9]{2,})", manual)), labels)
+
     def test_definition_and_references(self):
         self.assertEqual(self.slice(self.ask("definition", "Object)")["range"], self.text), "Object")
         self.assertEqual(self.ask("definition", "Object)")["range"]["start"]["line"], 3)
