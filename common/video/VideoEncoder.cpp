@@ -17,6 +17,7 @@
 
 #include "common/error/UserError.h"
 #include "common/files/PreparedOutputs.h"
+#include "common/files/ProgramOnPath.h"
 #include "common/process/Supervisor.h"
 
 namespace common {
@@ -24,17 +25,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-
-bool on_path(const std::string& program) {
-  const char* path = std::getenv("PATH");
-  const std::string folders = path != nullptr ? path : "";
-  for (std::size_t from = 0; from <= folders.size();) {
-    const std::size_t to = std::min(folders.find(':', from), folders.size());
-    if (::access((folders.substr(from, to - from) + "/" + program).c_str(), X_OK) == 0) return true;
-    from = to + 1;
-  }
-  return false;
-}
 
 std::vector<std::string> ffmpeg_command(const fs::path& file, int width, int height, int frames_per_second) {
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
@@ -62,7 +52,7 @@ VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int fram
   if (file.extension() != ".mp4") throw UserError(name + ": a video's name must end in .mp4");
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   if (!fs::is_directory(folder)) throw UserError(name + ": there is no folder " + folder.string());
-  if (!on_path("ffmpeg"))
+  if (program_on_path("ffmpeg").empty())
     throw UserError(name + ": a video needs ffmpeg, which is not installed (apt-get install ffmpeg)");
   start(frames_per_second);
 }

@@ -9,7 +9,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <thread>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "common/files/Installation.h"
+#include "common/files/ProgramOnPath.h"
 #include "common/process/Supervisor.h"
 #include "common/text/Printable.h"
 #include "common/text/Words.h"
@@ -39,14 +39,8 @@ std::string apron_executable() {
 // to the current folder if it lies below that.
 std::string typed_name(const fs::path& executable) {
   std::error_code error;
-  const char* const path = std::getenv("PATH");
-  std::istringstream folders(path ? path : "");
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path found = fs::path(folder) / executable.filename();
-    if (access(found.c_str(), X_OK) != 0) continue;
-    if (fs::equivalent(found, executable, error)) return executable.filename().string();
-    break;
-  }
+  const fs::path found = common::program_on_path(executable.filename());
+  if (!found.empty() && fs::equivalent(found, executable, error)) return executable.filename().string();
   const fs::path relative = fs::proximate(executable, error);
   return error || relative.empty() || *relative.begin() == ".." ? executable.string() : relative.string();
 }
