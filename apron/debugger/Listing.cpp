@@ -5,6 +5,10 @@
 namespace apron::debugger {
 namespace {
 
+constexpr std::uint32_t kNoLine = ~0U;
+
+}  // namespace
+
 std::vector<std::string> split_lines(const std::string& text) {
   std::vector<std::string> lines;
   for (std::size_t from = 0; from < text.size();) {
@@ -15,10 +19,6 @@ std::vector<std::string> split_lines(const std::string& text) {
   }
   return lines;
 }
-
-constexpr std::uint32_t kNoLine = ~0U;
-
-}  // namespace
 
 Listing::Listing(const program::Program& program, const std::vector<SourceText>& texts) {
   add_files(texts);

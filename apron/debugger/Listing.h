@@ -22,6 +22,9 @@ struct SourceText {
   std::uint32_t included_at_line = 0;      // 1-based line of the including text
 };
 
+// The lines of a text, without their ends.
+std::vector<std::string> split_lines(const std::string& text);
+
 // A compiler's message about a place in a source text.
 struct SourceDiagnostic {
   std::string file;                    // as SourceText::name

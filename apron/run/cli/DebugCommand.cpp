@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "apron/debugger/DebugSession.h"
+#include "apron/debugger/Listing.h"
 #include "apron/program/Program.h"
 #include "apron/run/cli/Commands.h"
 #include "apron/run/cli/TerminalImage.h"
@@ -151,15 +152,15 @@ class Debugger {
   std::string place(const program::SourceLocation& at) const {
     return program().files[at.file] + ":" + std::to_string(at.line);
   }
-  std::string source_line(const program::SourceLocation& at) const {
+  std::vector<std::string> source_lines(const program::SourceLocation& at) const {
     const auto source =
         std::ranges::find(compiled_.sources, program().files[at.file], &debugger::SourceText::name);
-    if (source == compiled_.sources.end()) return "";
-    std::istringstream text(source->text);
-    std::string line;
-    for (std::uint32_t i = 0; i < at.line && std::getline(text, line); ++i) {
-    }
-    return line;
+    if (source == compiled_.sources.end()) return {};
+    return debugger::split_lines(source->text);
+  }
+  std::string source_line(const program::SourceLocation& at) const {
+    const std::vector<std::string> lines = source_lines(at);
+    return at.line > 0 && at.line <= lines.size() ? lines[at.line - 1] : "";
   }
   // outermost: of a macro, the line that uses it.
   void say_where(bool outermost = false) {
@@ -191,14 +192,10 @@ class Debugger {
         program::find_location(program(), session_.vm().program_counter());
     if (at == nullptr || at->line == 0) return say("at the end of the program\n");
     constexpr std::uint32_t kLines = 4;
-    const auto source =
-        std::ranges::find(compiled_.sources, program().files[at->file], &debugger::SourceText::name);
-    if (source == compiled_.sources.end()) return;
-    std::istringstream text(source->text);
-    std::string line;
-    for (std::uint32_t number = 1; std::getline(text, line) && number <= at->line + kLines; ++number)
+    const std::vector<std::string> lines = source_lines(*at);
+    for (std::uint32_t number = 1; number <= lines.size() && number <= at->line + kLines; ++number)
       if (number + kLines >= at->line)
-        say((number == at->line ? "> " : "  ") + std::to_string(number) + "  " + line + "\n");
+        say((number == at->line ? "> " : "  ") + std::to_string(number) + "  " + lines[number - 1] + "\n");
   }
 
   // ---- execution ----

@@ -47,6 +47,11 @@ class Debug(unittest.TestCase):
         self.assertEqual(run.returncode, status, run.stdout + run.stderr)
         return run.stdout.splitlines()
 
+    def test_lines_of_a_file_with_crlf(self):
+        (self.folder / "p.aps").write_bytes(b"n = 1\r\nn = 2\r\n\r\nn = 3\r\n")
+        run = subprocess.run([APRON, "debug", "p.aps"], input=b"next\nlist\n", cwd=self.folder, capture_output=True, timeout=60)
+        self.assertEqual(run.stdout, b"p.aps:1: n = 1\np.aps:2: n = 2\n  1  n = 1\n> 2  n = 2\n  3  \n  4  n = 3\n")
+
     def test_a_session(self):
         out = self.debug("break 12", "c", "print n", "plane A", "c", "print A 3 1", "delete 1", "c")
         self.assertEqual(out, ["p.aps:8: n = 0", "breakpoint 1: p.aps:12", "breakpoint 1", "p.aps:4: :t = $a", "n = 1",
