@@ -54,7 +54,7 @@ void Board::open_line(std::int64_t reopen_us) {
     handshakes_ = 0;
     last_handshake_ = 0;
     last_frame_ = now();
-    why_ = "no device describes itself there";
+    why_.clear();
     return;
   }
   if (now() - last_open_ < reopen_us || openings >= kMaxOpenings) return;
@@ -179,6 +179,8 @@ void Board::accept() {
   refusal_.clear();
   last_handshake_ = 0;
 }
+
+std::string Board::reason() const { return why_.empty() ? line_.why_undescribed() : why_; }
 
 void Board::refuse(std::string why) {
   accepted_ = false;

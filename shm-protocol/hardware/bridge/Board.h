@@ -67,7 +67,7 @@ class Board {
   bool described() const { return description_.has_value(); }
   bool connected() const { return line_.is_open(); }
   bool silent() const { return silent_; }
-  const std::string& reason() const { return why_; }  // why the board is not there
+  std::string reason() const;  // why the board is not there
 
   // The frame for the table's tick, or null: the newest of a board in phase; of others, the oldest that
   // waits.

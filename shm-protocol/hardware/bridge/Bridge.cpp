@@ -111,9 +111,9 @@ std::optional<Outcome> Bridge::await_device(std::optional<milliseconds> timeout,
       }
       line_.open(std::move(*port));
     }
-    why = options_.port.text + " is open, but no device describes itself there";
     send_handshake();
     poll_line(kIdlePoll);
+    why = options_.port.text + " is open, but " + line_.why_undescribed();
     if (const auto end = end_of_fault()) return end;
   }
   return std::nullopt;

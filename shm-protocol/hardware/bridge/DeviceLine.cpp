@@ -4,6 +4,19 @@
 
 namespace hardware {
 
+void DeviceLine::open(Port port) {
+  port_ = std::move(port);
+  damaged_before_ = link_.damaged_packets();
+}
+
+std::string DeviceLine::why_undescribed() const {
+  const std::uint64_t damaged = link_.damaged_packets() - damaged_before_;
+  return "no device describes itself there" +
+         (damaged == 0
+              ? std::string()
+              : "; " + std::to_string(damaged) + " damaged packets came: is the line's speed right?");
+}
+
 void DeviceLine::close() {
   port_.reset();
   link_.reset();

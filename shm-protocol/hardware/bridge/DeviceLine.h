@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -27,7 +28,9 @@ class DeviceLine {
   const DeviceLink& link() const { return link_; }
   bool is_open() const { return port_.has_value(); }
   int descriptor() const { return port_ ? port_->descriptor() : -1; }
-  void open(Port port) { port_ = std::move(port); }
+  void open(Port port);
+  // Why the line is open, but the device is not described: "no device describes itself there", …
+  std::string why_undescribed() const;
   // Forgets the device's description and what waits.
   void close();
 
@@ -71,6 +74,7 @@ class DeviceLine {
   std::vector<float> safe_;
   std::size_t answer_bytes_ = 0;  // of out_, up to the end of an answer; 0: none waits
   std::uint64_t answers_ = 0, unsent_ = 0;
+  std::uint64_t damaged_before_ = 0;  // packets, when the line was opened
 };
 
 }  // namespace hardware

@@ -79,6 +79,20 @@ TEST(DeviceLine, AnswerThatIsDiscardedIsNotSent) {
   EXPECT_EQ(d.line.unsent(), 1u);
 }
 
+TEST(DeviceLine, NoiseIsSaidWhereNoDeviceDescribesItself) {
+  EmulatedLine far = EmulatedLine::terminal(testing::TempDir() + "device-line-" + std::to_string(::getpid()));
+  std::string why;
+  auto port = Port::open(PortAddress::parse(far.name(), 9600), why);
+  ASSERT_TRUE(port) << why;
+  DeviceLine line;
+  line.open(std::move(*port));
+  EXPECT_EQ(line.why_undescribed(), "no device describes itself there");
+  far.write({0, 0x55, 0xAA, 0x55, 0, 0xAA, 0x55, 0xAA, 0});
+  while (line.link().damaged_packets() < 2) line.receive([] { return true; }, [](DeviceLink::Event) {});
+  EXPECT_EQ(line.why_undescribed(),
+            "no device describes itself there; 2 damaged packets came: is the line's speed right?");
+}
+
 SensorFrame frame(std::uint32_t tick, std::uint32_t missed) {
   SensorFrame frame;
   frame.tick = tick;
