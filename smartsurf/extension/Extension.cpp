@@ -11,6 +11,7 @@
 
 #include "common/files/ElfFile.h"
 #include "common/files/ReadFile.h"
+#include "common/hash/Fnv.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -25,12 +26,9 @@ constexpr std::size_t kMaxNameLength = 27;  // as of sensors: the channels' name
 constexpr std::size_t kMaxUnitLength = 15;  // of the shared-memory protocol
 constexpr double kMaxHeight = 1e6;          // u, as of all coordinates
 
-// FNV-1a.
 std::string hash_of(std::string_view content) {
-  std::uint64_t hash = 0xcbf29ce484222325ULL;
-  for (const char c : content) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
   std::array<char, 17> text;
-  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(hash));
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(common::fnv1a(content)));
   return text.data();
 }
 

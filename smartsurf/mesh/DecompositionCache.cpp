@@ -15,6 +15,7 @@
 
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
+#include "common/hash/Fnv.h"
 
 namespace smartsurf::mesh {
 namespace {
@@ -23,12 +24,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kEnding = ".parts";
 constexpr std::size_t kMinTriangles = 64;  // smaller meshes take less time than a file
-
-std::uint64_t fnv1a(std::string_view bytes) {
-  std::uint64_t hash = 0xCBF29CE484222325U;
-  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3U;
-  return hash;
-}
 
 template <typename T>
 void append(std::string& bytes, const T* values, std::size_t count) {
@@ -73,7 +68,7 @@ DecompositionCache::Parts DecompositionCache::decompose(const TriangleMesh& mesh
                                                         const DecompositionLimits& limits) const {
   if (folder_.empty() || mesh.triangles.size() < kMinTriangles) return decompose_convex(mesh, limits);
   const std::string key = key_of(mesh, limits);
-  const fs::path file = folder_ / fmt::format("{:016x}{}", fnv1a(key), kEnding);
+  const fs::path file = folder_ / fmt::format("{:016x}{}", common::fnv1a(key), kEnding);
   if (std::optional<Parts> known = read(file, key, mesh, limits)) return std::move(*known);
   Parts parts = decompose_convex(mesh, limits);
   write(file, key, parts);
@@ -93,7 +88,7 @@ std::optional<DecompositionCache::Parts> DecompositionCache::read(const fs::path
   if (!bytes.starts_with(key) || bytes.size() < key.size() + sizeof checksum) return std::nullopt;
   std::memcpy(&checksum, bytes.data() + bytes.size() - sizeof checksum, sizeof checksum);
   bytes.remove_suffix(sizeof checksum);
-  if (checksum != fnv1a(bytes)) return std::nullopt;
+  if (checksum != common::fnv1a(bytes)) return std::nullopt;
   bytes.remove_prefix(key.size());
 
   const auto max_parts = static_cast<std::uint32_t>(std::max(limits.max_parts, limits.max_hollow_parts));
@@ -130,7 +125,7 @@ void DecompositionCache::write(const fs::path& file, const std::string& key, con
     append(bytes, &size, 1);
   }
   for (const auto& part : parts) append(bytes, part.data(), part.size());
-  const std::uint64_t checksum = fnv1a(bytes);
+  const std::uint64_t checksum = common::fnv1a(bytes);
   append(bytes, &checksum, 1);
   if (bytes.size() > max_bytes_ / 4 || !create_decomposition_folder(folder_) ||
       common::replace_file(file, bytes))

@@ -8,6 +8,7 @@
 #include <limits>
 #include <memory>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/process/ExitStatus.h"
@@ -33,6 +34,19 @@ std::uint64_t host_ns() {
   return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(since).count());
 }
 
+// True if the cells lie where those of a regular grid do, at whatever height.
+bool is_grid(const Description& d) {
+  const auto is_at = [](float at, double place) { return at == static_cast<float>(place); };
+  for (std::size_t i = 0; i < d.positions.size(); ++i) {
+    const auto& [x, y, z] = d.positions[i];
+    const std::size_t row = i / d.columns, column = i % d.columns;
+    if (!is_at(x, static_cast<double>(column) * d.pitch) ||
+        !is_at(y, static_cast<double>(d.rows - 1 - row) * d.pitch))
+      return false;
+  }
+  return true;
+}
+
 // The scene that a live surface stands for: its cells and the range of its heights, and no objects.
 scene::SceneSpec scene_of(const Description& d) {
   scene::SceneSpec spec;
@@ -51,6 +65,7 @@ scene::SceneSpec scene_of(const Description& d) {
     base.push_back(z);
   }
   if (std::ranges::all_of(base, [](float z) { return z == 0.0F; })) base.clear();
+  if (is_grid(d)) spec.surface.cell_poses.clear();
   if (!base.empty()) {
     const auto [lowest, highest] = std::ranges::minmax(base);
     pin.min_height += static_cast<double>(lowest);
@@ -190,15 +205,16 @@ class LiveRecording {
     auto last = steady_clock::now();
     bool flushed = true;
     while (!common::stop_flag() && !(options_.frames && frames_ >= *options_.frames)) {
+      const Look look = look_now();
       const Status sensed = observer_.next(Direction::kSensor);
       if (sensed == Status::kOk) {
         finish_frame();
         if (options_.frames && frames_ >= *options_.frames) break;
-        begin_frame();
+        begin_frame(look);
         last = steady_clock::now();
         flushed = false;
       }
-      follow_answers();
+      follow_answers(sensed == Status::kOk ? look_now() : look);
       if (sensed == Status::kOk) continue;
       if (sensed != Status::kRepeated && sensed != Status::kTorn) {
         end = sensed;
@@ -216,7 +232,18 @@ class LiveRecording {
   }
 
  private:
-  void begin_frame() {
+  // When the recorder looks for what is new; `late`: so long after the last time that it says little of when
+  // that came, as after writing.
+  struct Look {
+    steady_clock::time_point at;
+    bool late;
+  };
+  Look look_now() {
+    const auto now = steady_clock::now();
+    return {now, now - std::exchange(looked_at_, now) > 2 * poll_};
+  }
+
+  void begin_frame(const Look& look) {
     const shm_protocol::FrameInfo& info = observer_.info(Direction::kSensor);
     // Numbers of frames only grow: a surface that restarts is another session, which ends this observer.
     lost_ = last_frame_ == 0 ? 0 : info.frame - last_frame_ - 1;
@@ -227,20 +254,23 @@ class LiveRecording {
     snapshot_.time_s = info.time_s;
     status_ = info.status;
     seen_ns_ = host_ns();
-    seen_at_ = steady_clock::now();
+    seen_ = look;
     latency_us_ = std::numeric_limits<float>::quiet_NaN();
     open_ = true;
   }
 
-  // The newest commands, and how long the answer to the open frame took.
-  void follow_answers() {
+  // The newest commands, and how long the answer to the open frame took. That frame is then written, before
+  // the next one comes.
+  void follow_answers(const Look& look) {
     for (Status s = observer_.next(Direction::kActuator); s == Status::kOk;
          s = observer_.next(Direction::kActuator)) {
       const shm_protocol::FrameInfo& info = observer_.info(Direction::kActuator);
       actuators_.copy(observer_);
       answered_tick_ = info.tick;
-      if (!open_ || info.answers != last_frame_ || !std::isnan(latency_us_)) continue;
-      latency_us_ = std::chrono::duration<float, std::micro>(steady_clock::now() - seen_at_).count();
+      if (!open_ || info.answers != last_frame_) continue;
+      if (!seen_.late && !look.late)
+        latency_us_ = std::chrono::duration<float, std::micro>(look.at - seen_.at).count();
+      finish_frame();
     }
   }
 
@@ -299,7 +329,8 @@ class LiveRecording {
   bool open_ = false;  // a sensor frame waits for its answer, or for the next frame
   std::uint64_t last_frame_ = 0, lost_ = 0, lost_frames_ = 0, frames_ = 0;
   std::uint64_t status_ = 0, seen_ns_ = 0, answered_tick_ = kUnknown;
-  steady_clock::time_point seen_at_;
+  Look seen_{};
+  steady_clock::time_point looked_at_;
   float latency_us_ = 0;
 };
 

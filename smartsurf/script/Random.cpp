@@ -3,12 +3,12 @@
 #include <cassert>
 #include <cmath>
 
+#include "common/hash/Fnv.h"
+
 namespace smartsurf::script {
 
 Random Random::stream(std::uint64_t seed, std::string_view purpose) {
-  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
-  for (const char c : purpose) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  return Random(Random(Random(seed).next() + hash).next());
+  return Random(Random(Random(seed).next() + common::fnv1a(purpose)).next());
 }
 
 std::uint64_t Random::next() {

@@ -54,7 +54,7 @@ HWY_EXPORT(mix);
 
 // FNV-1a over 32-bit words, with a rotation that carries high bits into low ones.
 void StateHash::add(std::uint32_t word) noexcept {
-  value_ = (value_ ^ word) * 0x100000001b3ULL;
+  value_ = common::fnv_mix(value_, word);
   value_ = std::rotl(value_, 23);
 }
 

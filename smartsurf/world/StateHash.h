@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "common/hash/Fnv.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
@@ -26,7 +27,7 @@ class StateHash {
   static constexpr std::size_t kChains = 32;
 
  private:
-  std::uint64_t value_ = 0xcbf29ce484222325ULL;
+  std::uint64_t value_ = common::kFnvBasis;
 };
 
 // Hash of the ids and states of a snapshot's objects.

@@ -13,7 +13,6 @@ namespace hardware {
 namespace {
 
 constexpr std::int64_t kHandshake_us = 200'000;
-constexpr std::size_t kMaxPendingBytes = 1 << 16;
 constexpr int kMaxOpenings = 64;
 std::atomic<int> openings{0};
 
@@ -32,9 +31,7 @@ Board::Board(const TableBoard& spec, std::uint32_t period_us, std::chrono::micro
       title_(spec.title()),
       period_us_(period_us),
       silence_us_(silence.count()),
-      sync_(period_us) {
-  out_.reserve(kMaxPendingBytes);
-}
+      sync_(period_us) {}
 
 std::int64_t Board::now() {
   return std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch()).count();
@@ -47,17 +44,17 @@ void Board::open_line(std::int64_t reopen_us) {
   if (opening_.valid()) {
     if (opening_.wait_for(0s) != std::future_status::ready) return;
     auto [port, why] = opening_.get();
-    port_ = std::move(port);
-    if (!port_) {
+    if (!port) {
       why_ = why;
       return;
     }
+    line_.open(std::move(*port));
     if (ever_connected_) ++counters_.reconnections;
     ever_connected_ = true;
     handshakes_ = 0;
     last_handshake_ = 0;
     last_frame_ = now();
-    why_ = "no device describes itself there";
+    why_.clear();
     return;
   }
   if (now() - last_open_ < reopen_us || openings >= kMaxOpenings) return;
@@ -74,66 +71,64 @@ void Board::open_line(std::int64_t reopen_us) {
 }
 
 void Board::on_line_lost() {
-  port_.reset();
-  link_.reset();
-  out_.clear();
+  line_.close();
+  sequence_.restart();
   why_ = "its line is cut";
   enter_silence();
   if (accepted_) events.push_back("board '" + title_ + "': the line is cut; its cells are not valid");
   accepted_ = false;
 }
 
-bool Board::flush() { return !port_ || port_->flush(out_); }
-
 void Board::enter_silence() {
   silent_ = true;
-  seen_frame_ = false;
   waiting_count_ = 0;
   sync_.reset();
+}
+
+// The board has restarted: its ticks are not those that were answered.
+void Board::begin_anew() {
+  answers_.fill({});
+  heard_.fill({});
+  enter_silence();
 }
 
 // Version 2 is asked for twice, then both versions in turn; a board with an id is hardly ever asked for
 // version 1, whose error message it would get on a bad line, and a board that has described itself stays with
 // its version.
 void Board::handshake(bool session) {
-  if (now() - last_handshake_ < kHandshake_us || out_.size() > kMaxPendingBytes) return;
+  if (now() - last_handshake_ < kHandshake_us || line_.pending_bytes() > DeviceLine::kMaxPendingBytes) return;
   last_handshake_ = now();
   const bool known = description_.has_value();
   const bool second = known              ? description_->version == 2
                       : spec_.id.empty() ? handshakes_ < 2 || handshakes_ % 2 == 0
                                          : handshakes_ % 16 != 15;
   ++handshakes_;
-  link_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, device_tick_, out_);
-  if (!session || !accepted_ || !link_.described()) return;
-  link_.write(SSW_START, device_tick_, out_);
+  line_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, sequence_.tick());
+  if (!session || !accepted_ || !line_.link().described()) return;
+  line_.write(SSW_START, sequence_.tick());
   if (is_driven) send_safe();
 }
 
 void Board::maintain(std::int64_t epoch, bool session, std::int64_t reopen_us) {
-  if (!port_) open_line(reopen_us);
-  if (!port_) return;
+  if (!line_.is_open()) open_line(reopen_us);
+  if (!line_.is_open()) return;
   const std::int64_t t = now();
-  if (!link_.described() || silent_) handshake(session);
+  if (!line_.link().described() || silent_) handshake(session);
   if (!silent_ && t - last_frame_ > silence_us_) {
     enter_silence();
     ++counters_.silences;
     events.push_back("board '" + title_ + "' is silent; its cells are not valid");
   }
   if (session && accepted_ && !silent_ && description_->can_sync() && t >= sync_.due())
-    link_.write_sync(sync_.next(t, epoch), device_tick_, out_);
-  if (!flush()) on_line_lost();
+    line_.write_sync(sync_.next(t, epoch), sequence_.tick());
+  if (!line_.flush()) on_line_lost();
 }
 
 void Board::receive(std::int64_t epoch) {
-  if (!port_) return;
-  std::array<std::uint8_t, 4096> bytes;
-  for (int round = 0; round < 16; ++round) {
-    const auto got = port_->read(bytes);
-    if (!got) return on_line_lost();
-    for (std::size_t i = 0; i < *got; ++i) on_event(link_.receive(bytes[i]), epoch);
-    if (*got < bytes.size()) break;
-  }
-  if (!flush()) on_line_lost();
+  if (!line_.is_open()) return;
+  const bool connected =
+      line_.receive([] { return true; }, [&](DeviceLink::Event event) { on_event(event, epoch); });
+  if (!connected || !line_.flush()) on_line_lost();
 }
 
 // ---- what the board says
@@ -146,14 +141,16 @@ void Board::on_event(DeviceLink::Event event, std::int64_t epoch) {
     case DeviceLink::Event::kDescribed:
       return on_description();
     case DeviceLink::Event::kRejected:
-      return refuse(link_.message());
+      invalid_description = line_.link().message();
+      why_ = "its description is not valid: " + invalid_description;
+      return;
     case DeviceLink::Event::kFault:
-      reports.push_back("board '" + title_ + "' reports: " + link_.message());
+      reports.push_back("board '" + title_ + "' reports: " + line_.link().message());
       return;
     case DeviceLink::Event::kClock:
-      return sync_.receive(link_.clock(), now(), epoch);
+      return sync_.receive(line_.link().clock(), now(), epoch);
     case DeviceLink::Event::kStatus:
-      status_ = link_.status();
+      status_ = line_.link().status();
       return;
     case DeviceLink::Event::kFrame:
       return on_frame();
@@ -161,12 +158,11 @@ void Board::on_event(DeviceLink::Event event, std::int64_t epoch) {
 }
 
 void Board::on_description() {
-  const DeviceDescription& d = link_.description();
+  const DeviceDescription& d = line_.link().description();
   if (description_ && d.boot != boot_) {
     ++counters_.restarts;
-    answers_.fill({});
-    heard_.fill({});
-    enter_silence();
+    sequence_.restart();
+    begin_anew();
     last_handshake_ = 0;
     events.push_back("board '" + title_ + "' was restarted");
   }
@@ -184,6 +180,8 @@ void Board::accept() {
   last_handshake_ = 0;
 }
 
+std::string Board::reason() const { return why_.empty() ? line_.why_undescribed() : why_; }
+
 void Board::refuse(std::string why) {
   accepted_ = false;
   if (why != refusal_) events.push_back(why);
@@ -192,18 +190,18 @@ void Board::refuse(std::string why) {
 
 void Board::on_frame() {
   if (!accepted_) return;
-  const SensorFrame& frame = link_.frame();
-  if (seen_frame_ && frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
+  const SensorFrame& frame = line_.link().frame();
+  const auto step = sequence_.next(frame, now(), silence_us_);
+  if (!step) return;
   last_frame_ = now();
-  if (silent_) is_back = true;
+  if (step->restarted) begin_anew();
+  if (!silent_) {  // a silence counts as one, not as so many losses
+    if (step->ticks < 1u << 20) counters_.lost += step->ticks - 1;
+    counters_.missed += step->missed;
+  } else {
+    is_back = true;
+  }
   silent_ = false;
-  const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
-  if (step > kMostLostTicks) enter_silence(), silent_ = false;  // ticks restarted before the description came
-  if (step > 1 && step < 1u << 20) counters_.lost += step - 1;
-  if (seen_frame_) counters_.missed += std::min(frame.missed - device_missed_, step);
-  device_missed_ = frame.missed;
-  device_tick_ = frame.tick;
-  seen_frame_ = true;
   flags_ = frame.flags;
   ++counters_.frames;
   heard_[frame.tick % heard_.size()] = {frame.tick, frame.active_tick};
@@ -262,48 +260,43 @@ std::optional<std::int64_t> Board::in_force_since(std::uint32_t board_tick) cons
 
 // ---- to the board
 
-void Board::send(std::span<const float> values, std::int64_t tick) {
-  if (!accepted_ || silent_ || !link_.described()) return;
-  if (!out_.empty() && (!flush() || !out_.empty())) {
-    ++counters_.unsent;
-    return;
-  }
-  link_.write_frame(taken_.tick, values, out_);
+bool Board::send(std::span<const float> values, std::int64_t tick) {
+  if (!accepted_ || silent_ || !line_.link().described()) return false;
+  if (!line_.write_frame(taken_.tick, values, true)) return false;
   Answer& answer = answers_[taken_.tick % answers_.size()];
   answer = {taken_.tick, tick, answer.tick == taken_.tick};
-  flush();
+  line_.flush();
+  return true;
 }
 
 void Board::send_safe() {
-  if (!accepted_ || !link_.described() || out_.size() > kMaxPendingBytes) return;
-  safe_.resize(link_.actuator_elements());
-  for (const DeviceChannel& c : link_.description().channels)
-    if (!c.sensor) std::fill_n(safe_.begin() + c.first_element, c.elements, c.safe);
-  link_.write_frame(device_tick_, safe_, out_);
-  answers_[device_tick_ % answers_.size()] = {device_tick_, kSafeValues, false};
-  flush();
+  if (!accepted_ || !line_.link().described() || line_.pending_bytes() > DeviceLine::kMaxPendingBytes) return;
+  const std::uint32_t tick = sequence_.tick();
+  line_.write_safe_frame(tick);
+  answers_[tick % answers_.size()] = {tick, kSafeValues, false};
+  line_.flush();
 }
 
 void Board::send_heartbeat() {
-  if (!port_ || out_.size() > kMaxPendingBytes) return;
-  link_.write(SSW_HEARTBEAT, device_tick_, out_);
-  flush();
+  if (!line_.is_open() || line_.pending_bytes() > DeviceLine::kMaxPendingBytes) return;
+  line_.write(SSW_HEARTBEAT, sequence_.tick());
+  line_.flush();
 }
 
 void Board::send_reason(std::uint8_t type, std::uint32_t reason) {
-  if (!port_) return;
-  if (type == SSW_STOP_NOW) out_.clear();  // a stop does not wait behind frames
-  link_.write_reason(type, reason, out_);
-  flush();
+  if (!line_.is_open()) return;
+  if (type == SSW_STOP_NOW) line_.discard_pending();
+  line_.write_reason(type, reason);
+  line_.flush();
 }
 
 void Board::send_stop() {
-  if (!port_) return;
-  out_.clear();
-  link_.write(SSW_STOP, device_tick_, out_);
-  flush();
+  if (!line_.is_open()) return;
+  line_.discard_pending();
+  line_.write(SSW_STOP, sequence_.tick());
+  line_.flush();
 }
 
-bool Board::send_pending() { return !port_ || !flush() || out_.empty(); }
+bool Board::send_pending() { return !line_.flush() || line_.pending_bytes() == 0; }
 
 }  // namespace hardware

@@ -14,7 +14,8 @@
 #include <vector>
 
 #include "shm-protocol/hardware/bridge/ClockSync.h"
-#include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/bridge/DeviceLine.h"
+#include "shm-protocol/hardware/bridge/FrameSequence.h"
 #include "shm-protocol/hardware/bridge/TableFile.h"
 
 namespace hardware {
@@ -49,12 +50,14 @@ class Board {
   void maintain(std::int64_t epoch, bool session, std::int64_t reopen_us);
   // Reads what has arrived.
   void receive(std::int64_t epoch);
-  int descriptor() const { return port_ ? port_->descriptor() : -1; }
-  bool wants_to_write() const { return !out_.empty(); }
+  int descriptor() const { return line_.descriptor(); }
+  bool wants_to_write() const { return line_.pending_bytes() != 0; }
 
   const std::string& title() const { return title_; }
   // Set after each complete description; the table clears it when it has accepted or refused the board.
   bool newly_described = false;
+  // Why a description is invalid; the table clears it when it has refused the board.
+  std::string invalid_description;
   // The table has accepted the description. Boards that it has not accepted get no frames.
   void accept();
   void refuse(std::string why);
@@ -62,9 +65,9 @@ class Board {
   const std::string& refusal() const { return refusal_; }
   const DeviceDescription& description() const { return *description_; }
   bool described() const { return description_.has_value(); }
-  bool connected() const { return port_.has_value(); }
+  bool connected() const { return line_.is_open(); }
   bool silent() const { return silent_; }
-  const std::string& reason() const { return why_; }  // why the line is not open
+  std::string reason() const;  // why the board is not there
 
   // The frame for the table's tick, or null: the newest of a board in phase; of others, the oldest that
   // waits.
@@ -82,21 +85,26 @@ class Board {
   // Flags of the newest frame.
   std::uint32_t flags() const { return flags_; }
 
-  // Sends an actuator frame that answers the last frame taken, which is of the table's tick `tick`.
-  void send(std::span<const float> values, std::int64_t tick);
+  // Sends an actuator frame that answers the last frame taken, which is of the table's tick `tick`. Returns
+  // false if the board gets none.
+  bool send(std::span<const float> values, std::int64_t tick);
   void send_safe();
   void send_heartbeat();
   void send_reason(std::uint8_t type, std::uint32_t reason);
   void send_stop();
   // Returns whether nothing is left to send, or the line is lost.
   bool send_pending();
-  std::size_t actuator_elements() const { return link_.actuator_elements(); }
+  std::size_t actuator_elements() const { return line_.link().actuator_elements(); }
 
   const ClockSync& clock() const { return sync_; }
   const ssw_status& status() const { return status_; }
-  const BoardCounters& counters() const { return counters_; }
-  std::uint64_t damaged_packets() const { return link_.damaged_packets(); }
-  std::uint64_t lost_packets() const { return link_.lost_packets(); }
+  BoardCounters counters() const {
+    BoardCounters counters = counters_;
+    counters.unsent = line_.unsent();
+    return counters;
+  }
+  std::uint64_t damaged_packets() const { return line_.link().damaged_packets(); }
+  std::uint64_t lost_packets() const { return line_.link().lost_packets(); }
   std::int64_t stop_sent_tick = -1;  // of the table, when the last SSW_STOP_NOW or SSW_ARM was sent
   bool is_driven = true;             // false: handshakes do not send safe values
   bool is_back = false;              // set with the first frame after a silence or a cut; the table clears it
@@ -110,22 +118,20 @@ class Board {
   void on_event(DeviceLink::Event, std::int64_t epoch);
   void on_description();
   void on_frame();
-  bool flush();
   void enter_silence();
+  void begin_anew();
   void drop_oldest();
 
   TableBoard spec_;
   std::string title_;
   std::uint32_t period_us_;
   std::int64_t silence_us_;
-  std::optional<Port> port_;
+  DeviceLine line_;
   std::future<std::pair<std::optional<Port>, std::string>> opening_;
   std::string why_ = "its line is not open";
-  DeviceLink link_;
   std::optional<DeviceDescription> description_;
-  bool accepted_ = false, silent_ = true, seen_frame_ = false, ever_connected_ = false;
+  bool accepted_ = false, silent_ = true, ever_connected_ = false;
   std::string refusal_;
-  std::vector<std::uint8_t> out_;
   std::array<Frame, 2> waiting_;  // oldest first
   std::size_t waiting_count_ = 0;
   Frame taken_;
@@ -140,8 +146,8 @@ class Board {
     std::uint32_t tick = SSW_NONE, in_force = SSW_NONE;
   };
   std::array<Heard, 64> heard_;  // of the last frames, by their tick
-  std::vector<float> safe_;      // the safe values of all actuators
-  std::uint32_t flags_ = 0, device_tick_ = 0, device_missed_ = 0, boot_ = 0;
+  FrameSequence sequence_;
+  std::uint32_t flags_ = 0, boot_ = 0;
   unsigned handshakes_ = 0;
   std::int64_t last_frame_ = 0, last_handshake_ = 0, last_open_ = 0;
   ClockSync sync_;

@@ -84,6 +84,7 @@ Outcome Bridge::run() {
     while (!end) end = serve_once();
     send_stop();
   }
+  count_line();
   surface_.reset();
   return *end;
 }
@@ -96,19 +97,23 @@ template <class Lost>
 std::optional<Outcome> Bridge::await_device(std::optional<milliseconds> timeout, Lost lost) {
   const auto start = Clock::now();
   std::string why = options_.port.text + " does not answer";
-  while (!port_ || !link_.described()) {
+  while (!line_.link().described()) {
     if (stop_.load()) return Outcome::kStopped;
     if (timeout && Clock::now() - start > *timeout) {
       log_.add("error: " + lost(why));
       return Outcome::kDeviceLost;
     }
-    if (!port_ && !(port_ = Port::open(options_.port, why))) {
-      std::this_thread::sleep_for(kHandshakeInterval / 4);
-      continue;
+    if (!line_.is_open()) {
+      auto port = Port::open(options_.port, why);
+      if (!port) {
+        std::this_thread::sleep_for(kHandshakeInterval / 4);
+        continue;
+      }
+      line_.open(std::move(*port));
     }
-    why = options_.port.text + " is open, but no device describes itself there";
     send_handshake();
     poll_line(kIdlePoll);
+    why = options_.port.text + " is open, but " + line_.why_undescribed();
     if (const auto end = end_of_fault()) return end;
   }
   return std::nullopt;
@@ -137,11 +142,9 @@ std::optional<Outcome> Bridge::end_of_fault() {
 }
 
 void Bridge::on_line_lost(const std::string& reason) {
-  port_.reset();
-  link_.reset();
+  line_.close();
   handshakes_ = 0;
-  out_.clear();
-  seen_frame_ = false;
+  sequence_.restart();
   frame_ready_ = false;
   if (!surface_) return;
   enter_silence();
@@ -157,7 +160,7 @@ void Bridge::enter_silence() {
 }
 
 bool Bridge::may_send(std::uint64_t answered_tick) const {
-  return !silent_ && port_ && link_.described() && (!stale_tick_ || answered_tick > *stale_tick_);
+  return !silent_ && line_.link().described() && (!stale_tick_ || answered_tick > *stale_tick_);
 }
 
 void Bridge::create_surface() {
@@ -177,7 +180,7 @@ void Bridge::create_surface() {
                                static_cast<double>(c.safe)});
   surface_.emplace(create_described_surface(config, "the device '" + device_->name + "'"));
   control_.emplace(options_.surface);
-  actuators_.assign(link_.actuator_elements(), 0.0F);
+  actuators_.assign(line_.link().actuator_elements(), 0.0F);
   log_.add("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
            std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
            " us; controllers attach to '" + options_.surface + "'");
@@ -185,34 +188,34 @@ void Bridge::create_surface() {
 
 // ---- line
 
-bool Bridge::flush() { return !port_ || port_->flush(out_); }
+bool Bridge::flush() {
+  const bool connected = line_.flush();
+  count_line();
+  return connected;
+}
+
+void Bridge::count_line() {
+  counters_.answers = line_.answers();
+  counters_.unsent = line_.unsent();
+  counters_.damaged_packets = line_.link().damaged_packets();
+  counters_.lost_packets = line_.link().lost_packets();
+}
 
 // Waits up to `timeout` for bytes from the device and processes them; sends pending output. Returns false if
 // the line is lost.
 bool Bridge::poll_line(milliseconds timeout) {
-  if (!port_) return false;
+  if (!line_.is_open()) return false;
   bool connected = flush();
-  pollfd line{port_->descriptor(), static_cast<short>(POLLIN | (out_.empty() ? 0 : POLLOUT)), 0};
+  pollfd line{line_.descriptor(), static_cast<short>(POLLIN | (line_.pending_bytes() == 0 ? 0 : POLLOUT)), 0};
   if (connected && ::poll(&line, 1, static_cast<int>(timeout.count())) > 0) {
-    std::array<std::uint8_t, 4096> bytes;
     // All that is there (a terminal gives it in pieces), lest large frames pile up while the controller
     // computes; but stops at each frame that can be published.
-    for (int round = 0; round < 16 && connected && (awaiting_answer_ || !frame_ready_); ++round) {
-      const auto got = port_->read(bytes);
-      connected = got.has_value();
-      if (got) receive_bytes({bytes.data(), *got});
-      if (!got || *got == 0) break;
-    }
+    connected = line_.receive([this] { return awaiting_answer_ || !frame_ready_; },
+                              [this](DeviceLink::Event event) { on_event(event); });
     connected = connected && flush();
   }
   if (!connected) on_line_lost("the line to the device is cut");
   return connected;
-}
-
-void Bridge::receive_bytes(std::span<const std::uint8_t> bytes) {
-  for (const std::uint8_t byte : bytes) on_event(link_.receive(byte));
-  counters_.damaged_packets = link_.damaged_packets();
-  counters_.lost_packets = link_.lost_packets();
 }
 
 void Bridge::on_event(DeviceLink::Event event) {
@@ -225,10 +228,10 @@ void Bridge::on_event(DeviceLink::Event event) {
     case DeviceLink::Event::kDescribed:
       return on_description();
     case DeviceLink::Event::kRejected:
-      fault_ = link_.message();
+      fault_ = line_.link().message();
       return;
     case DeviceLink::Event::kFault:
-      return log_.add_report("the device reports: " + link_.message());
+      return log_.add_report("the device reports: " + line_.link().message());
     case DeviceLink::Event::kFrame:
       return on_frame();
   }
@@ -236,39 +239,37 @@ void Bridge::on_event(DeviceLink::Event event) {
 
 void Bridge::on_description() {
   if (!device_) {
-    device_ = link_.description();
+    device_ = line_.link().description();
     boot_id_ = device_->boot;
-  } else if (!link_.description().is_compatible_with(*device_)) {
+  } else if (!line_.link().description().is_compatible_with(*device_)) {
     fault_ = "another device came back: it has other cells or channels; restart the bridge";
-  } else if (link_.description().boot != boot_id_) {
-    boot_id_ = link_.description().boot;
-    seen_frame_ = false;  // its ticks restart
+  } else if (line_.link().description().boot != boot_id_) {
+    boot_id_ = line_.link().description().boot;
+    sequence_.restart();
     if (surface_) log_.add("the device was restarted");
   }
 }
 
 void Bridge::send_handshake() {
   const auto now = Clock::now();
-  if (now - last_handshake_ < kHandshakeInterval || out_.size() > 4096) return;
+  if (now - last_handshake_ < kHandshakeInterval || line_.pending_bytes() > 4096) return;
   last_handshake_ = now;
   // Version 2 is asked for twice, then both in turn; a device that has described itself stays with its
   // version.
   const bool second = device_ ? device_->version == 2 : handshakes_ < 2 || handshakes_ % 2 == 0;
   ++handshakes_;
-  link_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, device_tick_, out_);
-  if (!surface_ || !link_.described()) return;
-  link_.write(SSW_START, device_tick_, out_);
-  if (!silent_) return;
-  fill_actuators(true);
-  link_.write_frame(device_tick_, actuators_, out_);
+  line_.write(second ? SSW_DESCRIBE2 : SSW_DESCRIBE, sequence_.tick());
+  if (!surface_ || !line_.link().described()) return;
+  line_.write(SSW_START, sequence_.tick());
+  if (silent_) line_.write_safe_frame(sequence_.tick());
 }
 
 void Bridge::send_stop() {
-  if (!port_) return;
-  out_.clear();
-  link_.write(SSW_STOP, device_tick_, out_);
-  for (int attempt = 0; attempt < 50 && !out_.empty() && flush(); ++attempt)
-    if (!out_.empty()) std::this_thread::sleep_for(kAnswerPoll);
+  if (!line_.is_open()) return;
+  line_.discard_pending();
+  line_.write(SSW_STOP, sequence_.tick());
+  for (int attempt = 0; attempt < 50 && line_.pending_bytes() != 0 && flush(); ++attempt)
+    if (line_.pending_bytes() != 0) std::this_thread::sleep_for(kAnswerPoll);
 }
 
 // ---- session
@@ -276,7 +277,7 @@ void Bridge::send_stop() {
 std::optional<Outcome> Bridge::serve_once() {
   if (stop_.load()) return Outcome::kStopped;
   if (options_.ticks && counters_.frames >= *options_.ticks && !awaiting_answer_) return Outcome::kDone;
-  if (!port_) {
+  if (!line_.is_open()) {
     if (const auto end = reconnect()) return end;
     last_frame_ = Clock::now();
   }
@@ -293,52 +294,45 @@ std::optional<Outcome> Bridge::serve_once() {
 }
 
 // The device counts missed deadlines, because only it knows when its periods end.
-void Bridge::count_missed_deadlines(const SensorFrame& frame) {
-  const std::uint32_t newly_missed = seen_frame_ ? frame.missed - device_missed_ : 0;
-  device_missed_ = frame.missed;
-  // At most one missed deadline per period.
-  const std::uint32_t periods = seen_frame_ ? frame.tick - device_tick_ : 0;
-  for (std::uint32_t i = 0; i < std::min(newly_missed, periods); ++i) surface_->miss_deadline();
-  counters_.missed_deadlines += std::min(newly_missed, periods);
-  if (newly_missed != 0) status_ |= kMissedDeadline;
+void Bridge::count_missed_deadlines(std::uint32_t missed) {
+  for (std::uint32_t i = 0; i < missed; ++i) surface_->miss_deadline();
+  counters_.missed_deadlines += missed;
+  if (missed != 0) status_ |= kMissedDeadline;
 }
 
 void Bridge::on_frame() {
   if (!surface_) return;
-  const SensorFrame& frame = link_.frame();
-  if (seen_frame_ && frame.tick == device_tick_) return;  // firmware that hangs repeats its frame
+  const SensorFrame& frame = line_.link().frame();
+  const auto now = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
+  const bool is_first = !sequence_.known() && counters_.frames == 0;
+  const auto step = sequence_.next(frame, now.count(), silence_of(options_, device_->period_us).count());
+  if (!step) return;
   last_frame_ = Clock::now();
-  if (seen_frame_ && frame.tick - device_tick_ > kMostLostTicks) {
-    enter_silence();  // ticks restarted before the description came
-    seen_frame_ = false;
-  }
-  count_missed_deadlines(frame);
-  const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
-  if (step > 1) {
-    counters_.lost += step - 1;
+  if (step->restarted) enter_silence();
+  count_missed_deadlines(step->missed);
+  if (step->ticks > 1) {
+    counters_.lost += step->ticks - 1;
     status_ |= kFramesLost;
   }
   flags_ = frame.flags;
   if (frame.flags & SSW_SAFE) status_ |= kSafeValuesActive;
   if (frame.flags & SSW_LIMITED) status_ |= kLimited;
   if (frame.flags & SSW_SOFT_START) status_ |= kSoftStart;
-  tick_ += seen_frame_ || counters_.frames != 0 ? step : 0;
-  device_tick_ = frame.tick;
-  seen_frame_ = true;
+  if (!is_first) tick_ += step->ticks;
   if (silent_) log_.add("the device speaks again");
   silent_ = false;
   if (frame_ready_ || awaiting_answer_) {
     ++counters_.skipped;
     status_ |= kFramesLost;
     // The host is alive and only the controller is slow: keep the device from applying its safe values.
-    link_.write(SSW_HEARTBEAT, device_tick_, out_);
+    line_.write(SSW_HEARTBEAT, sequence_.tick());
   }
   frame_ready_ = true;
 }
 
 void Bridge::publish() {
   frame_ready_ = false;
-  const SensorFrame& frame = link_.frame();
+  const SensorFrame& frame = line_.link().frame();
   const auto& channels = device_->channels;
   for (int i = 0; i < std::ssize(channels); ++i) {
     const DeviceChannel& c = channels[i];
@@ -358,8 +352,8 @@ void Bridge::publish() {
   status_ = 0;
   awaiting_answer_ = options_.mode == Mode::kTimeStep;
   published_tick_ = tick_;
-  published_device_tick_ = device_tick_;
-  if (!awaiting_answer_) link_.write(SSW_HEARTBEAT, device_tick_, out_);
+  published_device_tick_ = sequence_.tick();
+  if (!awaiting_answer_) line_.write(SSW_HEARTBEAT, sequence_.tick());
 }
 
 void Bridge::log_lost_controller(Status why) {
@@ -378,14 +372,11 @@ void Bridge::poll_answer() {
     case Status::kControllerClosed:
       log_lost_controller(answer);
       break;
-    case Status::kOk:
-      if (may_send(published_tick_)) ++counters_.answers;
-      break;
     default:
       break;
   }
   awaiting_answer_ = false;
-  if (may_send(published_tick_)) send_actuators(published_device_tick_);
+  if (may_send(published_tick_)) send_actuators(published_device_tick_, answer == Status::kOk);
 }
 
 void Bridge::poll_latest() {
@@ -397,17 +388,16 @@ void Bridge::poll_latest() {
   }
   const std::uint64_t answered = newest == Status::kOk ? surface_->actuator_info().tick : tick_;
   if (!may_send(answered)) return;
-  if (newest == Status::kOk) ++counters_.answers;
-  send_actuators(device_tick_ - static_cast<std::uint32_t>(tick_ - answered));
+  send_actuators(sequence_.tick() - static_cast<std::uint32_t>(tick_ - answered), newest == Status::kOk);
 }
 
-void Bridge::fill_actuators(bool safe) {
+void Bridge::fill_actuators() {
   const auto& channels = device_->channels;
   for (int i = 0; i < std::ssize(channels); ++i) {
     const DeviceChannel& c = channels[i];
     if (c.sensor) continue;
     float* const to = actuators_.data() + c.first_element;
-    if (safe)
+    if (emergency_.active())
       std::fill_n(to, c.elements, c.safe);
     else if (c.is_plain_u8())
       std::ranges::copy(surface_->actuator<std::uint8_t>(i), to);
@@ -416,26 +406,23 @@ void Bridge::fill_actuators(bool safe) {
   }
 }
 
-void Bridge::send_actuators(std::uint32_t device_tick) {
-  if (!out_.empty() && (!flush() || !out_.empty())) {
-    ++counters_.unsent;
-    return;
-  }
-  fill_actuators(emergency_.active());
-  link_.write_frame(device_tick, actuators_, out_);
+// An emergency stop sends the safe values in place of an answer.
+void Bridge::send_actuators(std::uint32_t device_tick, bool is_answer) {
+  fill_actuators();
+  line_.write_frame(device_tick, actuators_, is_answer && !emergency_.active());
   flush();
 }
 
 void Bridge::check_emergency_stop() {
-  if (!seen_frame_ || silent_) return;
+  if (!sequence_.known() || silent_) return;
   const bool was_active = emergency_.active();
   const std::uint8_t packet = emergency_.packet_for(flags_, device_->name);
   if (!was_active && emergency_.active()) log_.add("emergency stop by the device");
   // Repeated each period until the device's frames show that it has arrived.
-  if (packet == 0 || device_->version < 2 || stop_sent_tick_ == device_tick_) return;
-  stop_sent_tick_ = device_tick_;
-  if (packet == SSW_STOP_NOW) out_.clear();  // a stop does not wait behind frames
-  link_.write_reason(packet, packet == SSW_STOP_NOW ? emergency_.reason() : SSW_NONE, out_);
+  if (packet == 0 || device_->version < 2 || stop_sent_tick_ == sequence_.tick()) return;
+  stop_sent_tick_ = sequence_.tick();
+  if (packet == SSW_STOP_NOW) line_.discard_pending();
+  line_.write_reason(packet, packet == SSW_STOP_NOW ? emergency_.reason() : SSW_NONE);
   flush();
 }
 
@@ -443,11 +430,10 @@ std::string Bridge::answer(const std::string& command) {
   if (command == "stop") {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     log_.add("emergency stop by the user");
-    if (port_ && link_.described()) {
-      out_.clear();  // as in check_emergency_stop()
-      if (device_->version >= 2) link_.write_reason(SSW_STOP_NOW, SSW_STOP_BY_HOST, out_);
-      fill_actuators(true);
-      link_.write_frame(device_tick_, actuators_, out_);
+    if (line_.link().described()) {
+      line_.discard_pending();
+      if (device_->version >= 2) line_.write_reason(SSW_STOP_NOW, SSW_STOP_BY_HOST);
+      line_.write_safe_frame(sequence_.tick());
       flush();
     }
     return "stopped\n";
@@ -455,8 +441,8 @@ std::string Bridge::answer(const std::string& command) {
   if (command == "arm") {
     if (emergency_.active()) log_.add("the emergency stop is released");
     emergency_.arm();
-    if (port_ && link_.described() && device_->version >= 2) {
-      link_.write_reason(SSW_ARM, SSW_NONE, out_);
+    if (line_.link().described() && device_->version >= 2) {
+      line_.write_reason(SSW_ARM, SSW_NONE);
       flush();
     }
     return "armed\n";
@@ -469,14 +455,14 @@ std::string Bridge::status_text() const {
   const auto flag = [this](std::uint32_t bit, const char* name) {
     return (flags_ & bit) ? std::string(" ") + name : "";
   };
-  const ssw_status& s = link_.status();
-  std::string text = "device " + device_->name + " tick " + std::to_string(device_tick_) + " frames " +
+  const ssw_status& s = line_.link().status();
+  std::string text = "device " + device_->name + " tick " + std::to_string(sequence_.tick()) + " frames " +
                      std::to_string(counters_.frames) + "\nemergency_stop " +
                      (emergency_.active() ? "by " + emergency_.cause() : std::string("none")) + "\nboard " +
                      (device_->id.empty() ? device_->name : device_->id) +
-                     (!port_    ? " unplugged"
-                      : silent_ ? " silent"
-                                : " live") +
+                     (!line_.is_open() ? " unplugged"
+                      : silent_        ? " silent"
+                                       : " live") +
                      flag(SSW_SAFE, "safe") + flag(SSW_STOPPED, "stopped") + flag(SSW_LIMITED, "limited") +
                      flag(SSW_SOFT_START, "soft_start") + " frames " + std::to_string(counters_.frames) +
                      " lost " + std::to_string(counters_.lost) + " dropped " + std::to_string(s.dropped) +

@@ -16,10 +16,10 @@
 #include <vector>
 
 #include "shm-protocol/hardware/bridge/ControlSocket.h"
-#include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/bridge/DeviceLine.h"
 #include "shm-protocol/hardware/bridge/EmergencyStop.h"
 #include "shm-protocol/hardware/bridge/EventLog.h"
-#include "shm-protocol/hardware/bridge/Port.h"
+#include "shm-protocol/hardware/bridge/FrameSequence.h"
 
 namespace hardware {
 
@@ -99,33 +99,32 @@ class Bridge {
   void create_surface();
   std::optional<Outcome> serve_once();
   bool poll_line(std::chrono::milliseconds timeout);
-  void receive_bytes(std::span<const std::uint8_t>);
   void on_event(DeviceLink::Event);
   void on_description();
   void on_frame();
-  void count_missed_deadlines(const SensorFrame&);
+  void count_missed_deadlines(std::uint32_t missed);
   void publish();
   void log_lost_controller(shm_protocol::Status);
   void poll_answer();
   void poll_latest();
-  void send_actuators(std::uint32_t device_tick);
+  void send_actuators(std::uint32_t device_tick, bool is_answer);
   void check_silence();
   void send_handshake();
   void on_line_lost(const std::string& reason);
   void enter_silence();
   bool may_send(std::uint64_t answered_tick) const;
   void send_stop();
-  void fill_actuators(bool safe);
+  void fill_actuators();
   void check_emergency_stop();
   std::string answer(const std::string& command);
   std::string status_text() const;
   bool flush();
+  void count_line();
 
   BridgeOptions options_;
   const std::atomic<bool>& stop_;
   EventLog log_;
-  std::optional<Port> port_;
-  DeviceLink link_;
+  DeviceLine line_;
   std::optional<DeviceDescription> device_;  // as first described
   std::shared_ptr<shm_protocol::SurfaceName> name_;
   std::optional<shm_protocol::SurfaceEndpoint> surface_;
@@ -134,18 +133,15 @@ class Bridge {
   unsigned handshakes_ = 0;           // since the line was opened
   std::uint32_t stop_sent_tick_ = 0;  // of the device, when the last SSW_STOP_NOW or SSW_ARM was sent
   std::uint32_t flags_ = 0;           // of the newest sensor frame
-  std::vector<std::uint8_t> out_;     // bytes not yet written to the line
   std::vector<float> actuators_;      // the frame being sent to the device
   std::string fault_;                 // why the device is unusable; "": it is usable
 
-  bool seen_frame_ = false;        // since the line was opened
-  std::uint32_t device_tick_ = 0;  // of the newest sensor frame
-  std::uint64_t tick_ = 0;         // its tick within the session
+  FrameSequence sequence_;
+  std::uint64_t tick_ = 0;  // of the newest sensor frame, within the session
   std::uint32_t boot_id_ = 0;
-  std::uint32_t device_missed_ = 0;  // last seen count of missed deadlines of the device
-  std::uint32_t status_ = 0;         // FrameStatus of the next frame
-  bool frame_ready_ = false;         // a frame waits to be published
-  bool awaiting_answer_ = false;     // time-step: the last published frame is unanswered
+  std::uint32_t status_ = 0;      // FrameStatus of the next frame
+  bool frame_ready_ = false;      // a frame waits to be published
+  bool awaiting_answer_ = false;  // time-step: the last published frame is unanswered
   std::uint64_t published_tick_ = 0;
   std::uint32_t published_device_tick_ = 0;
   bool silent_ = false;

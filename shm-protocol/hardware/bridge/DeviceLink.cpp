@@ -260,7 +260,7 @@ DeviceLink::Event DeviceLink::end_description_if_complete() {
   sensor_elements_ = actuator_elements_ = 0;
   for (const DeviceChannel& d : description_.channels)
     (d.sensor ? sensor_elements_ : actuator_elements_) += d.elements;
-  frame_.values.assign(sensor_elements_, 0.0F);
+  frame_.values.resize(sensor_elements_);  // what came before the description is still to be read
   partial_frame_.values.assign(sensor_elements_, 0.0F);
   in_frame_ = false;
   return Event::kDescribed;

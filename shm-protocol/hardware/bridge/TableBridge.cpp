@@ -125,6 +125,9 @@ std::optional<Outcome> TableBridge::await_boards() {
 // file, whichever comes first, so that channels and errors depend on the file alone; a missing one is passed
 // over with `pass_over`. Later, a board that does not fit stays without frames.
 void TableBridge::mount_described_boards(bool pass_over) {
+  for (std::size_t i = 0; i < boards_.size(); ++i)
+    if (const std::string why = std::exchange(boards_[i]->invalid_description, {}); !why.empty())
+      refuse(i, spec_.place(spec_.boards[i]) + why);
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
     if (!pass_over && !board.newly_described && map_.boards()[i].rows == 0) return;
@@ -135,10 +138,14 @@ void TableBridge::mount_described_boards(bool pass_over) {
       if (surface_) log_.add("board '" + board.title() + "' is back");
     } catch (const std::invalid_argument& e) {
       if (!surface_) throw;
-      board.refuse(std::string(e.what()) + "; it is not used");
-      make_safe(map_.boards()[i]);
+      refuse(i, e.what());
     }
   }
+}
+
+void TableBridge::refuse(std::size_t board, const std::string& why) {
+  boards_[board]->refuse(why + "; it is not used");
+  if (surface_) make_safe(map_.boards()[board]);
 }
 
 // What the sensors of a board said is of no board that is there.
@@ -436,14 +443,13 @@ void TableBridge::poll_answer() {
                (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
       break;
     case Status::kOk:
-      ++counters_.answers;
       answer_us_.add(static_cast<double>(Board::now() - published_at_));
       break;
     default:
       break;
   }
   awaiting_answer_ = false;
-  send_answers();
+  counters_.answers += send_answers() && got == Status::kOk;
 }
 
 void TableBridge::poll_latest() {
@@ -453,11 +459,8 @@ void TableBridge::poll_latest() {
              (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
   else if (newest != Status::kOk)
     return;
-  if (newest == Status::kOk) {
-    ++counters_.answers;
-    answer_us_.add(static_cast<double>(Board::now() - published_at_));
-  }
-  send_answers();
+  if (newest == Status::kOk) answer_us_.add(static_cast<double>(Board::now() - published_at_));
+  counters_.answers += send_answers() && newest == Status::kOk;
 }
 
 // The controller's frame, as commands for the boards.
@@ -490,21 +493,24 @@ void TableBridge::ask_driver() {
   }
 }
 
-void TableBridge::send_answers() {
+// Returns whether a board got the controller's commands.
+bool TableBridge::send_answers() {
   const bool own_safe_values = surface_->actuator_info().frame == 0;
+  bool sent = false;
   if (!own_safe_values) receive_commands();
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
     if (!board.accepted() || board.silent() || board_age_[i] > kPatience) continue;
     if (emergency_.active() || own_safe_values)
       board.send_safe();
-    else
-      send_commands(board, map_.boards()[i]);
+    else if (send_commands(board, map_.boards()[i]))
+      sent = true;
   }
+  return sent;
 }
 
 // Elements without a channel of the table get their safe values.
-void TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
+bool TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
   frame_.assign(board.actuator_elements(), 0.0F);
   for (const DeviceChannel& c : board.description().channels)
     if (!c.sensor) std::fill_n(frame_.begin() + c.first_element, c.elements, c.safe);
@@ -514,7 +520,7 @@ void TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
       copy_to_board(mounted, c, device.components, planes_[c.table_channel].data(), valid_.size(),
                     frame_.data() + device.first_element);
   }
-  board.send(frame_, static_cast<std::int64_t>(published_tick_));
+  return board.send(frame_, static_cast<std::int64_t>(published_tick_));
 }
 
 void TableBridge::keep_boards_alive() {
@@ -573,7 +579,7 @@ std::string TableBridge::status_text() const {
                         : !b.accepted() ? "refused"
                         : b.silent()    ? "silent"
                                         : "live";
-    const BoardCounters& c = b.counters();
+    const BoardCounters c = b.counters();
     std::snprintf(line, sizeof line,
                   " %s age %u phase_us %.0f round_trip_us %.0f%s%s%s%s frames %llu lost %llu late %llu "
                   "dropped %u clamped %u limited %u\n",
@@ -595,7 +601,7 @@ std::string TableBridge::report() const {
   BoardCounters sum;
   double least = 1;
   for (std::size_t i = 0; i < boards_.size(); ++i) {
-    const BoardCounters& c = boards_[i]->counters();
+    const BoardCounters c = boards_[i]->counters();
     sum.frames += c.frames;
     sum.lost += c.lost;
     sum.late += c.late;

@@ -70,6 +70,7 @@ class TableBridge {
 
   std::optional<Outcome> await_boards();
   void mount_described_boards(bool pass_over);
+  void refuse(std::size_t board, const std::string& why);
   void make_safe(const MountedBoard&);
   void create_surface();
   void serve();
@@ -85,8 +86,8 @@ class TableBridge {
   void poll_latest();
   void receive_commands();
   void ask_driver();
-  void send_answers();
-  void send_commands(Board&, const MountedBoard&);
+  bool send_answers();
+  bool send_commands(Board&, const MountedBoard&);
   void keep_boards_alive();
   void check_emergency_stop();
   void measure_spread();

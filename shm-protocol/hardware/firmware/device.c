@@ -171,9 +171,10 @@ static void handle_data(ssd_device* d, const ssw_packet* p) {
 }
 
 static void handle_end(ssd_device* d, const ssw_packet* p) {
+  uint32_t all;
   if (p->payload_bytes != SSW_ACTUATOR_END_BYTES) return;
-  if (d->frame_tick == p->tick && d->frame_elements == frame_elements(d, SSW_ACTUATOR) &&
-      ssw_get_u32(p->payload) == d->frame_elements)
+  all = frame_elements(d, SSW_ACTUATOR);
+  if (ssw_get_u32(p->payload) == all && (all == 0 || (d->frame_tick == p->tick && d->frame_elements == all)))
     d->ready_tick = p->tick;
   d->frame_tick = SSW_NONE;
 }

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/hash/Fnv.h"
 #include "smartsurf/script/lua/Userdata.h"
 
 namespace smartsurf::script {
@@ -143,7 +144,7 @@ void number_object(lua_State* L, Numbering& numbering) {
   }
 }
 
-void mix(std::uint64_t& hash, std::uint64_t value) { hash = (hash ^ value) * 0x100000001b3ULL; }
+void mix(std::uint64_t& hash, std::uint64_t value) { hash = common::fnv_mix(hash, value); }
 
 // A description of the object on top that does not depend on addresses.
 std::uint64_t describe(lua_State* L) {

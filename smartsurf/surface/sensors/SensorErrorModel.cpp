@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "common/hash/Fnv.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/CsvTable.h"
@@ -22,12 +23,8 @@ constexpr double kReadingCost_ns = 5.0;
 // Random numbers for different purposes use different streams.
 enum StreamPurpose : std::uint64_t { kNoise, kDrift, kDropout, kFaults, kPurposeCount };
 
-// FNV-1a hash of the channel's name: adding sensors does not change the random numbers of the others.
-std::uint64_t stream_id(const std::string& channel) {
-  std::uint64_t h = 0xcbf29ce484222325U;
-  for (const char c : channel) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3U;
-  return h * kPurposeCount;
-}
+// By the channel's name: adding sensors does not change the random numbers of the others.
+std::uint64_t stream_id(const std::string& channel) { return common::fnv1a(channel) * kPurposeCount; }
 
 double parameter_or_zero(const scene::ParameterValues& sensor_values,
                          const scene::ParameterValues& shared_values, const char* name) {

@@ -336,6 +336,24 @@ TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
   }
 }
 
+TEST(Bridge, UnusableBoardOfATableIsNamed) {
+  Describer device({{"a", ""}, {"a", ""}});
+  const std::string name = surface_name("bridge-unusable-board"), file = line_path(name) + ".toml";
+  std::ofstream(file) << "name = \"t\"\nperiod_us = 10000\n\n[[board]]\ndevice = \"" << device.port
+                      << "\"\nat = [0, 0]\n";
+  Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name, "--connect", "1"});
+  device.serve();
+  EXPECT_EQ(bridge.wait(), 3);
+  const std::string place = file + ":4: board '" + device.port + "': ",
+                    why = "channel 1 'a' of the device: is named twice";
+  EXPECT_NE(bridge.output().find(place + why + "; it is not used"), std::string::npos) << bridge.output();
+  EXPECT_NE(bridge.output().find("error: " + place +
+                                 "the device does not come: its description is not valid: " + why),
+            std::string::npos)
+      << bridge.output();
+  std::filesystem::remove(file);
+}
+
 // Firmware that hangs falls silent, however often it repeats its frame.
 TEST(Bridge, RepeatedFrameIsNoNewFrame) {
   Describer device(std::vector<std::pair<std::string, std::string>>{{"a", ""}});
@@ -373,6 +391,21 @@ TEST(Bridge, KilledControllerLeavesDeviceSafe) {
   bridge.signal(SIGINT);
   EXPECT_EQ(bridge.wait(), 130);
   EXPECT_FALSE(segment_exists(name));
+}
+
+// An emergency stop sends the safe values in their place.
+TEST(Bridge, AnswersThatAStopReplacesAreNotSent) {
+  const std::string name = surface_name("bridge-stopped");
+  Device device({"--pty", line_path("stopped"), "--size", kSize, "--period-ms", "5"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  bridge.await_output("controllers attach");
+  Program stop({SURFACE_BRIDGE, "stop", name});
+  EXPECT_EQ(stop.wait(), 0) << stop.output();
+  Checker checker(name);
+  for (int frame = 0; frame < 20; ++frame) checker.tick();
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130);
+  EXPECT_EQ(bridge.figure("answers"), 0u) << bridge.output();
 }
 
 TEST(Bridge, InvalidInputIsOneLineError) {

@@ -228,6 +228,17 @@ TEST(Table, EmergencyStopHoldsAllBoardsUntilItIsReleased) {
   EXPECT_FALSE(checker.controller.sensor_info().status & kStopped);
 }
 
+TEST(Table, AnswersThatAStopReplacesAreNotSent) {
+  Table table("stopped", "2x1");
+  table.bridge->await_output("controllers attach");
+  EXPECT_EQ(table.ask("stop"), "stopped\n");
+  Checker checker(table.name);
+  for (int i = 0; i < 20; ++i) checker.tick();
+  table.bridge->signal(SIGINT);
+  EXPECT_EQ(table.bridge->wait(), 130);
+  EXPECT_EQ(table.bridge->figure("answers"), 0u) << table.bridge->output();
+}
+
 TEST(Table, LineOfOneBoardStopsAll) {
   Table table("line", "2x1", {"--stop-at", "150"});
   Checker checker(table.name);

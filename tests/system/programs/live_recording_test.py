@@ -135,6 +135,58 @@ class LiveRecordings(ProgramTest):
             exported = self.run_program(SMARTSURF, "export", name + ".h5", "-o", name + ".html")
             self.assertEqual(exported[0], 0, exported[2])
 
+    def test_base_of_a_simulated_grid_is_that_of_the_cells(self):
+        sys.path.insert(0, str(ROOT / "shm-protocol/python"))
+        import shm_protocol
+        script = self.folder / "raised.lua"
+        script.write_text("world { dt = 0.005, control_period = 0.02 }\n"
+                          "surface { rows = 2, columns = 3, pitch = 1.5, base = function(row, column) return 10 * row + column end }\n")
+        base = 10.0 * numpy.array([[1, 1, 1], [2, 2, 2]]) + numpy.array([1, 2, 3])
+        self.start(SMARTSURF, "run", str(script), "--shm", self.shm, "--mode", "passive", "--headless", "--until", "60")
+        recorder = self.record("--frames", "5", "--wait", "60")
+        with shm_protocol.Observer(self.shm, timeout=60) as observer:
+            places = observer.description.positions
+            numpy.testing.assert_array_equal(places[..., 2], base)
+            numpy.testing.assert_array_equal(places[..., 0], [[0, 1.5, 3]] * 2)
+            numpy.testing.assert_array_equal(places[..., 1], [[1.5] * 3, [0] * 3])
+        self.assertEqual(self.finish(recorder)[0], 0)
+        with self.read() as f:
+            numpy.testing.assert_array_equal(f["surface/base"][:], base)
+            self.assertNotIn("place", f["surface"])
+
+    def test_latency_is_that_of_the_answers(self):
+        sys.path.insert(0, str(ROOT / "shm-protocol/python"))
+        import shm_protocol
+        truth, height = {}, shm_protocol.Channel("height", 0, 4, 3)
+        noise = numpy.random.default_rng(1).random((200, 200), dtype="f4")  # takes longer to write than an answer
+        with shm_protocol.Surface(self.shm, 200, 200, 0.02, sensors=[shm_protocol.Channel("d")], actuators=[height],
+                                  mode="passive") as surface, shm_protocol.Controller(self.shm) as controller:
+            recorder = self.record("--frames", "100")
+            for tick in range(20000):
+                surface.sensors["d"][:] = noise
+                sent = [time.monotonic()]
+                surface.publish(tick, tick * 0.02)
+                sent.append(time.monotonic())
+                controller.wait()
+                time.sleep(0.003)
+                controller.actuators["height"][:] = 1
+                answered = [time.monotonic()]
+                controller.publish()
+                answered.append(time.monotonic())
+                truth[tick] = answered[0] - sent[1], answered[1] - sent[0]
+                surface.latest()
+                time.sleep(0.015)
+                if recorder.poll() is not None:
+                    break
+        self.assertEqual(self.finish(recorder)[0], 0)
+        with self.read() as f:
+            latency = f["answers/latency_us"][:] * 1e-6
+            known = numpy.isfinite(latency)
+            least, most = numpy.array([truth[tick] for tick in f["tick"][:]])[known].T
+        self.assertGreater(known.sum(), 10)
+        self.assertGreater((latency[known] - least).min(), -0.002)  # two looks
+        self.assertLess((latency[known] - most).max(), 0.002)
+
     def test_killed_recorder_leaves_a_readable_file(self):
         self.fake()
         self.controller()

@@ -247,6 +247,28 @@ class CalibrationFile : public testing::Test {
     }
     return "none";
   }
+  // A table of one board of 2 rows of 3 cells, and the board.
+  static TableSpec table() {
+    TableSpec spec;
+    spec.file = "table.toml";
+    spec.period_us = 10000;
+    spec.boards.emplace_back();
+    spec.boards[0].id = "a";
+    spec.boards[0].line = 5;
+    return spec;
+  }
+  static DeviceDescription device() {
+    DeviceDescription device;
+    device.id = "a";
+    device.version = 2;
+    device.rows = 2;
+    device.columns = 3;
+    device.period_us = 10000;
+    device.pitch = 1;
+    device.channels.push_back({"height", "u", false, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
+    device.channels.push_back({"pin_height", "u", true, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
+    return device;
+  }
   static std::string replaced(std::string text, const std::string& from, const std::string& to) {
     const std::size_t at = text.find(from);
     EXPECT_NE(at, text.npos) << from;
@@ -274,19 +296,8 @@ TEST_F(CalibrationFile, IsReadAsWritten) {
 // Recordings that no law explains: commands that came in force late, sensors that say anything, few readings.
 // The bridge must read what it has written.
 TEST_F(CalibrationFile, WhatIsFittedToSpoiledRecordingsIsRead) {
-  TableSpec spec;
-  spec.period_us = 10000;
-  spec.boards = {TableBoard()};
-  spec.boards[0].id = "a";
-  DeviceDescription device;
-  device.id = "a";
-  device.version = 2;
-  device.rows = 2;
-  device.columns = 3;
-  device.period_us = 10000;
-  device.pitch = 1;
-  device.channels.push_back({"height", "u", false, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
-  device.channels.push_back({"pin_height", "u", true, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
+  const TableSpec spec = table();
+  const DeviceDescription device = CalibrationFile::device();
   std::mt19937 random(8);
   const auto uniform = [&random](double least, double most) {
     return std::uniform_real_distribution<>(least, most)(random);
@@ -362,13 +373,8 @@ TEST_F(CalibrationFile, CutIsRefused) {
 }
 
 TEST_F(CalibrationFile, OfAnotherTableIsRefused) {
-  TableSpec spec;
-  spec.file = "table.toml";
-  spec.period_us = 10000;
-  TableBoard board;
-  board.id = "a";
-  board.line = 5;
-  spec.boards = {board};
+  TableSpec spec = table();
+  const TableBoard board = spec.boards[0];
   const std::string text = calibration_.text();
   EXPECT_EQ(error(text, &spec), "none");
   spec.boards[0].turn = 90;
@@ -383,14 +389,9 @@ TEST_F(CalibrationFile, OfAnotherTableIsRefused) {
   EXPECT_EQ(error(text, &spec),
             "8: is the calibration of another table: period_us is 10000, that of table.toml is 5000");
   spec.period_us = 10000;
-  DeviceDescription device;
-  device.id = "a";
-  device.version = 2;
-  device.rows = 2;
-  device.columns = 3;
-  device.period_us = 10000;
-  device.pitch = 1;
-  device.channels.push_back({"height", "cm", false, SSW_F32, 1, 0, 4, 0, 1, 0, 6, 0, {}, 0});
+  DeviceDescription device = CalibrationFile::device();
+  device.channels.pop_back();
+  device.channels[0].unit = "cm";
   EXPECT_EQ(error(text, &spec, &device), "6: the table has no sensor 'pin_height' of one component in 'u'");
   std::swap(device.rows, device.columns);
   EXPECT_EQ(error(text, &spec, &device),

@@ -105,6 +105,16 @@ TEST(DeviceLink, FramesGoBothWaysInStep) {
   for (std::size_t i = 0; i < kCells; ++i) ASSERT_EQ(pair.device.heights()[i], commanded(50, i));
 }
 
+TEST(DeviceLink, FrameIsKeptWhenTheDeviceDescribesItselfAgain) {
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  pair.link.write(SSW_DESCRIBE, 1, pair.down);
+  ASSERT_EQ(pair.carry(), (std::vector<Event>{Event::kFrame, Event::kDescribed}));
+  EXPECT_EQ(pair.link.frame().tick, 1u);
+  EXPECT_TRUE(is_right(pair.link.frame()));
+}
+
 TEST(DeviceLink, ClampsValuesToTheRange) {
   Pair pair;
   pair.start();

@@ -81,6 +81,31 @@ TEST(Firmware, MissedDeadlineKeepsPreviousFrame) {
   EXPECT_TRUE(b.all(150));
 }
 
+TEST(Firmware, AnswerToADeviceWithoutActuatorsIsOne) {
+  Bytes out, in;
+  std::uint8_t touch[6] = {};
+  ssd_channel channel{{0, SSW_SENSOR, SSW_U8, 1, 0, 1, 0, 1, 0, "touch", ""}, touch, nullptr};
+  const ssw_hello hello{SSW_VERSION, 1, 2, 3, 1000, 1, 1, "skin"};
+  ssd_device device;
+  const auto write = [](void* to, const std::uint8_t* bytes, std::size_t count) {
+    static_cast<Bytes*>(to)->insert(static_cast<Bytes*>(to)->end(), bytes, bytes + count);
+    return 1;
+  };
+  ssd_init(&device, &hello, &channel, 1, write, &out);
+  DeviceLink link;
+  link.write(SSW_DESCRIBE, 0, in);
+  link.write(SSW_START, 0, in);
+  for (std::uint32_t tick = 1; tick <= 5; ++tick) {
+    for (const std::uint8_t b : std::exchange(in, {})) ssd_receive(&device, b);
+    ssd_period(&device);
+    for (const std::uint8_t b : std::exchange(out, {})) link.receive(b);
+    ASSERT_EQ(link.frame().tick, tick);
+    EXPECT_EQ(link.frame().missed, 0u);
+    EXPECT_EQ(link.frame().active_tick, tick == 1 ? SSW_NONE : tick - 1);
+    link.write_frame(tick, {}, in);
+  }
+}
+
 TEST(Firmware, IgnoresIncompleteFrame) {
   FirmwareHarness b;
   b.period();

@@ -128,11 +128,12 @@ class Waves final : public TableDriver {
   std::function<void(int, const TableTick&)> look;
 };
 
-void run(const Boards& boards, TableDriver& driver, const EventLog::Print& log) {
+void run(const Boards& boards, TableDriver& driver, const EventLog::Print& log,
+         std::chrono::milliseconds silence = std::chrono::seconds(20)) {
   BridgeOptions options;
   options.mode = shm_protocol::Mode::kPassive;
   options.surface.clear();
-  options.silence_timeout = std::chrono::seconds(20);
+  options.silence_timeout = silence;
   const std::atomic<bool> stop{false};
   TableBridge bridge(boards.spec, options, stop, log, &driver);
   EXPECT_EQ(bridge.run(), Outcome::kDone);
@@ -221,17 +222,19 @@ TEST(TableBridge, CellsOfAnotherBoardAreNotValidUntilTheFirstOneIsBack) {
   EXPECT_EQ(std::ranges::count_if(said, [](const auto& l) { return l.find("not used") != l.npos; }), 1);
 }
 
-TEST(TableBridge, RepeatedFramesAreNotValid) {
+void expect_that_repeated_frames_are_not_valid(std::chrono::milliseconds silence) {
   const Boards boards;
   Waves waves;
   waves.most = 10'000;
   enum { kBefore, kHangs, kGoesOn, kBack } phase = kBefore;
   std::uint32_t most = 0;
   waves.look = [&](int ticks, const TableTick& tick) {
+    EXPECT_TRUE(phase != kHangs || most < 30 || tick.board_age[0] > most) << "valid again";
     most = std::max(most, tick.board_age[0]);
     if (phase == kBefore && ticks > 50) {
       boards.hang_first();
       phase = kHangs;
+      most = 0;  // not from before the first frame
     } else if (phase == kHangs && (most > 200 || ticks > 2000)) {
       boards.hang_first();
       phase = kGoesOn;
@@ -240,9 +243,18 @@ TEST(TableBridge, RepeatedFramesAreNotValid) {
       waves.is_over = true;
     }
   };
-  run(boards, waves, [](const std::string&) {});
+  run(
+      boards, waves, [](const std::string&) {}, silence);
   EXPECT_GT(most, 200U);
   EXPECT_EQ(phase, kBack);
+}
+
+TEST(TableBridge, RepeatedFramesAreNotValid) {
+  expect_that_repeated_frames_are_not_valid(std::chrono::seconds(20));
+}
+
+TEST(TableBridge, RepeatedFramesAreNotValidAfterASilence) {
+  expect_that_repeated_frames_are_not_valid(std::chrono::milliseconds(200));
 }
 
 }  // namespace
