@@ -26,6 +26,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from ._files import replaced
+from ._printable import guard_output
 from .run import command, execute as execute_command
 from .success import Step, success_curve, time_of_share, wilson
 
@@ -421,5 +422,6 @@ def read_tasks(path: pathlib.Path, index: int, chunk: int) -> Iterator[dict[str,
 
 
 if __name__ == "__main__":
+    guard_output()
     for one in read_tasks(pathlib.Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])):
         execute(one)
