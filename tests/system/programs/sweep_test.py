@@ -556,6 +556,9 @@ exec {APRON} run {idle} --shm "$2"
 
             def figures(self):
                 return {"success": int(self.time is not None), "success_s": self.time, "simulated_s": 9.0}
+
+            def figure(self, name):
+                return self.figures().get(name)
         # Of four runs half have succeeded when the second has.
         runs = [Run(seed, time, b) for b in "12" for seed, time in enumerate((1.0, 2.0, 3.0, None))]
         sweep.plot(runs, "x", "success_s", 9.0, self.folder, SMARTSURF)
