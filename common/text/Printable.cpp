@@ -14,11 +14,11 @@ namespace {
 
 enum class LineBreaks { kKept, kReplaced };  // and tabs
 
-// Also Unicode's: separators of lines and paragraphs, and bidirectional embeddings, overrides and isolates,
-// by which a text shows as another one.
+// Also Unicode's: separators of lines and paragraphs, and bidirectional marks, embeddings, overrides and
+// isolates, by which a text shows as another one.
 bool is_control(std::uint32_t code) {
-  return code < 0x20 || (code >= 0x7F && code < 0xA0) || (code >= 0x2028 && code <= 0x202E) ||
-         (code >= 0x2066 && code <= 0x2069);
+  return code < 0x20 || (code >= 0x7F && code < 0xA0) || code == 0x061C || code == 0x200E || code == 0x200F ||
+         (code >= 0x2028 && code <= 0x202E) || (code >= 0x2066 && code <= 0x2069);
 }
 
 template <class Put>

@@ -156,10 +156,16 @@ std::vector<float> Recording::Contents::read_poses(const char* name, hsize_t wid
   return padded;
 }
 
+std::string why_no_objects(const RunMetadata& meta) {
+  return std::string("has no object poses: ") +
+         (meta.is_simulated ? "its experiment sets record { objects = false }"
+                            : "it is the recording of a live surface, which has no objects");
+}
+
 std::vector<float> Recording::Contents::read_vectors(const char* name, std::size_t first,
                                                      std::size_t count) const {
   return translate_errors([&] {
-    if (!has_objects) throw Hdf5Error("has no object poses: the experiment sets record { objects = false }");
+    if (!has_objects) throw Hdf5Error(why_no_objects(meta));
     return read_poses(name, 3, first, count);
   });
 }

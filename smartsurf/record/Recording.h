@@ -27,6 +27,9 @@ struct PuritySeries;
 // 4 GiB, before it looks for the text.
 std::size_t memory_to_read(const std::filesystem::path& path);
 
+// Of a recording without has_objects(), in words.
+std::string why_no_objects(const RunMetadata& meta);
+
 class Recording {
  public:
   struct ChannelInfo {

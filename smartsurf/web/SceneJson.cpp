@@ -5,9 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "common/color/Palette.h"
 #include "smartsurf/scene/Delta.h"
 #include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorGeometry.h"
+#include "smartsurf/view/model/Palette.h"
 #include "smartsurf/web/Base64.h"
 
 namespace smartsurf::web {
@@ -102,6 +104,18 @@ json colours_json() {
   return colours;
 }
 
+// Equidistant samples of viridis, sRGB in bytes.
+json palette_json() {
+  constexpr int kSamples = 33;
+  json samples = json::array();
+  for (int i = 0; i < kSamples; ++i) {
+    const common::Rgb c =
+        common::palette_color(common::Palette::kViridis, static_cast<float>(i) / (kSamples - 1));
+    samples.push_back({view::to_byte(c[0]), view::to_byte(c[1]), view::to_byte(c[2])});
+  }
+  return samples;
+}
+
 }  // namespace
 
 json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec> objects) {
@@ -123,6 +137,7 @@ json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec>
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
           {"mechanisms", actuators_json(s, geometry)},
           {"colours", colours_json()},
+          {"palette", palette_json()},
           {"objects", objects_json(objects)}};
 }
 

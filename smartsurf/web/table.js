@@ -6,14 +6,12 @@ import { makeMechanisms } from 'mechanisms';
 
 const byId = (id) => document.getElementById(id);
 
-// ---- Colours: equidistant samples of "viridis" (CC0; S. van der Walt, N. Smith)
-const kViridis = [[0.267, 0.005, 0.329], [0.254, 0.265, 0.53], [0.164, 0.471, 0.558], [0.135, 0.659, 0.518],
-  [0.478, 0.821, 0.318], [0.993, 0.906, 0.144]];
-function viridis(t) {
-  const at = Math.min(Math.max(t, 0), 1) * (kViridis.length - 1), i = Math.min(Math.floor(at), kViridis.length - 2);
-  return kViridis[i].map((c, k) => c + (at - i) * (kViridis[i + 1][k] - c));
+// ---- Colours
+// At t in [0, 1], between a palette's equidistant samples: sRGB from 0 to 255.
+function paletteColour(palette, t) {
+  const at = Math.min(Math.max(t, 0), 1) * (palette.length - 1), i = Math.min(Math.floor(at), palette.length - 2);
+  return palette[i].map((c, k) => c + (at - i) * (palette[i + 1][k] - c));
 }
-const table = Array.from({ length: 256 }, (_, i) => new THREE.Color().setRGB(...viridis(i / 255), THREE.SRGBColorSpace));
 const kLow = new THREE.Color(0x5c6b80), kHigh = new THREE.Color(0xdbdee0), kBorder = new THREE.Color(0x4f5763);
 const kNoValue = new THREE.Color(0x808080);
 
@@ -195,6 +193,8 @@ export function makeTable(scene, series, renderer, state) {
   }
 
   const scratch = new THREE.Color();
+  const table = Array.from({ length: 256 }, (_, i) =>
+    new THREE.Color().setRGB(...paletteColour(scene.palette, i / 255).map((c) => c / 255), THREE.SRGBColorSpace));
   function colourOf(frame, cell, height, channel) {
     if (isBorder(cell)) return kBorder;
     if (!channel) return scratch.lerpColors(kLow, kHigh, Math.sqrt(Math.max(0, (height - scene.low) / (scene.high - scene.low || 1))));
@@ -430,7 +430,7 @@ export function makeTable(scene, series, renderer, state) {
     byId('legend-high').textContent = channel.high.toPrecision(3) / 1;
     const bar = byId('legend').querySelector('canvas').getContext('2d');
     for (let x = 0; x < 220; ++x) {
-      bar.fillStyle = `rgb(${viridis(x / 219).map((c) => Math.round(255 * c))})`;
+      bar.fillStyle = `rgb(${paletteColour(scene.palette, x / 219).map(Math.round)})`;
       bar.fillRect(x, 0, 1, 1);
     }
   }

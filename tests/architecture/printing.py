@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Fails where a program prints other than through common/text/Printable.h, which keeps control characters from terminals.
+"""Fails where a program prints other than through common/text/Printable.h, and where a Python program does not start with
+guard_output(), which keep control characters from terminals.
 
 usage: printing.py SOURCE_ROOT
 """
@@ -31,6 +32,10 @@ def main(root):
                 for number, line in enumerate(path.read_text().splitlines(), 1):
                     if RAW.search(line.split("//")[0]) and not line.startswith(" *"):
                         bad.append(f"{name}:{number}: prints past common/text/Printable.h: {line.strip()}")
+    for path in (*sorted((root / "smartsurf/python/smartsurf").glob("*.py")), root / "scripts/sweep"):
+        _, main_part, rest = path.read_text().partition('if __name__ == "__main__":\n')
+        if main_part and not rest.startswith("    guard_output()\n"):
+            bad.append(f"{path.relative_to(root)}: does not start with guard_output()")
     print("\n".join(bad))
     return 1 if bad else 0
 

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import nn
 
 from ._network import NetworkPolicy
+from ._printable import printable
 from ._task import TaskVectorEnv
 from ._vector import VectorEnv, finite_rewards
 from .policy import LocalPolicy
@@ -415,7 +416,7 @@ class Learner:
             worlds = self.envs._save_worlds()
         except ValueError as error:
             if not self._unsaved:
-                print(f"smartsurf train: no checkpoint: {error}", file=sys.stderr)
+                print(f"smartsurf train: no checkpoint: {printable(error)}", file=sys.stderr)
             self._unsaved = True
             return None
         optimizer = [{name: value.numpy() for name, value in self.optimizer.state[p].items()} for p in self._learned]

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
 from ._core import Error, __version__
+from ._printable import guard_output, printable
 from ._simulation import Simulation
 from ._surface import Channel
 
@@ -150,10 +151,11 @@ def main() -> int:
     try:
         pack(given.experiment, given.output, given.set, given.seed, given.files)
     except (FmuError, Error, OSError) as error:
-        print(f"smartsurf: {error}", file=sys.stderr)
+        print(f"smartsurf: {printable(error)}", file=sys.stderr)
         return 2
     return 0
 
 
 if __name__ == "__main__":
+    guard_output()
     sys.exit(main())

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._printable import guard_output, printable
 from .run import program
 
 Array = npt.NDArray[Any]
@@ -478,10 +479,11 @@ def main() -> int:
     try:
         export(given.recording, given.output, given.fps)
     except (FormatError, OSError) as error:
-        print(f"smartsurf: {error}", file=sys.stderr)
+        print(f"smartsurf: {printable(error)}", file=sys.stderr)
         return 2
     return 0
 
 
 if __name__ == "__main__":
+    guard_output()
     sys.exit(main())

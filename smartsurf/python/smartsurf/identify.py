@@ -17,6 +17,8 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
+from ._printable import guard_output, printable
+
 PARAMETERS = ("friction", "rolling_friction", "restitution", "mass")  # of an object
 
 
@@ -33,11 +35,6 @@ def _names(text: str) -> tuple[str, ...]:
         if name not in PARAMETERS:
             raise argparse.ArgumentTypeError(f"{name} must be of {', '.join(PARAMETERS)}")
     return names
-
-
-def _printable(text: str, also: str = "") -> str:
-    """Names in recordings may hold control characters."""
-    return "".join(c if c.isprintable() or c in also else repr(c)[1:-1] for c in text)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -58,16 +55,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except ImportError as error:
         raise ValueError(f"{error} in {sys.executable}; it needs SciPy and h5py: pip install 'smartsurf-apron[identify]' or scripts/setup --identify") from error
     found = identify(how.recordings, how.experiment, how.output, how.channel, how.sensor, how.object, how.fit, how.seconds, dict(how.set))
-    print(_printable(found.report, "\n"), end="")
+    print(found.report, end="")
     out = pathlib.Path(how.output)
     print("wrote " + ", ".join(str(out.with_suffix(s)) for s in (".lua", ".csv", ".txt", ".json", ".svg") if out.with_suffix(s).exists()))
 
 
 if __name__ == "__main__":
+    guard_output()
     try:
         main()
     except (OSError, ValueError) as failed:
-        print(_printable(f"smartsurf identify: {failed}"), file=sys.stderr)
+        print(f"smartsurf identify: {printable(failed)}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._printable import guard_output, printable
+
 FloatArray = NDArray[np.float32]
 
 
@@ -106,10 +108,11 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    guard_output()
     try:
         main()
     except (ImportError, ValueError) as failed:
-        print(f"smartsurf: {failed}", file=sys.stderr)
+        print(f"smartsurf: {printable(failed)}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

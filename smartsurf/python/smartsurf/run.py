@@ -16,6 +16,8 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ._printable import printable
+
 TIMED_OUT = 124  # the exit status of timeout(1)
 _GRACE_S = 5.0   # between SIGTERM and SIGKILL
 
@@ -152,5 +154,5 @@ def run(experiment: str | os.PathLike[str], controller: str | None = None, seed:
     status, stats, log = execute(command(experiment, controller, seed, set, until=until, engine=engine, threads=threads,
                                          worlds=worlds, record=record, extensions=extensions, smartsurf=smartsurf), timeout)
     if status != 0 or stats is None:
-        raise RunError((log.strip().splitlines() or [f"smartsurf ended with status {status}"])[-1], status)
+        raise RunError(printable((log.strip().splitlines() or [f"smartsurf ended with status {status}"])[-1]), status)
     return stats

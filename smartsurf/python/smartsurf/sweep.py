@@ -26,6 +26,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from ._files import replaced
+from ._printable import guard_output
 from .run import command, execute as execute_command
 from .success import Step, success_curve, time_of_share, wilson
 
@@ -189,6 +190,18 @@ class Point:
 
         return {column(name): value for name, value in flat.items()}
 
+    def columns(self) -> dict[str, Any]:
+        """The figures by their columns of a table, in which options, seed and exit_status have theirs: a metric with such a name
+        is metrics.NAME, a statistic stats.NAME."""
+        taken, figures = {*dict(self.options), "seed", "exit_status"}, self.figures()
+        own = self.read("stats.json")
+        return {(f"stats.{k}" if k.partition(".")[0] in own and k not in DECIDED else f"metrics.{k}") if k in taken else k: v
+                for k, v in figures.items()}
+
+    def figure(self, name: str) -> Any:
+        """By its column or, where an option has the column of that name, by its own name; None: the run has none."""
+        return self.columns().get(name, self.figures().get(name))
+
     def message(self) -> str:
         """The last line of the run's log."""
         try:
@@ -257,23 +270,19 @@ def quantile(values: Sequence[float], share: float) -> float:
 
 
 def rows(points: Iterable[Point]) -> list[dict[str, Any]]:
-    """One dict per point: options, seed, exit_status, figures. A metric with the name of an option is metrics.NAME."""
-    table = []
-    for p in points:
-        row = {**dict(p.options), "seed": p.seed, "exit_status": p.status()}
-        table.append({**row, **{f"metrics.{k}" if k in row else k: v for k, v in p.figures().items()}})
-    return table
+    """One dict per point: options, seed, exit_status, figures by their columns."""
+    return [{**dict(p.options), "seed": p.seed, "exit_status": p.status(), **p.columns()} for p in points]
 
 
 def outcomes(points: Iterable[Point], success: str) -> list[bool]:
     """Whether each completed run succeeded: its figure `success` is 1 or true."""
-    return [p.figures().get(success) == 1 for p in points if p.status() == 0]
+    return [p.figure(success) == 1 for p in points if p.status() == 0]
 
 
 def tells(points: Iterable[Point], success: str) -> bool:
     """Whether any completed run has the figure `success`. If none has, the experiment has no goal; if some have, the others
     ended without reaching it."""
-    return any(isinstance(p.figures().get(success), (int, float)) for p in points if p.status() == 0)
+    return any(isinstance(p.figure(success), (int, float)) for p in points if p.status() == 0)
 
 
 def success_time(figures: dict[str, Any], time: str) -> float | None:
@@ -413,5 +422,6 @@ def read_tasks(path: pathlib.Path, index: int, chunk: int) -> Iterator[dict[str,
 
 
 if __name__ == "__main__":
+    guard_output()
     for one in read_tasks(pathlib.Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])):
         execute(one)

@@ -22,6 +22,8 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
+from ._printable import guard_output, printable
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command. arguments: without the program's name [sys.argv]."""
@@ -112,11 +114,12 @@ def _sizes(text: str) -> tuple[int, ...]:
 
 
 def _refusal(reason: object) -> int:
-    print(f"smartsurf train: {reason}", file=sys.stderr)
+    print(f"smartsurf train: {printable(reason)}", file=sys.stderr)
     return 2
 
 
 if __name__ == "__main__":
+    guard_output()
     warnings.formatwarning = lambda message, *_: f"smartsurf train: {message}\n"
     try:
         main()

@@ -168,11 +168,8 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
     throw scene::InputError(recording.path().string() + ": has no frames: the run recorded none");
   if (shows_objects && !recording.has_objects())
     throw scene::InputError(
-        recording.path().string() + ": has no object poses: " +
-        (recording.meta().is_simulated
-             ? "its experiment sets record { objects = false }"
-             : "it is the recording of a live surface, which has no objects; --what names what to plot "
-               "instead, such as height:0,0"));
+        recording.path().string() + ": " + why_no_objects(recording.meta()) +
+        (recording.meta().is_simulated ? "" : "; --what names what to plot instead, such as height:0,0"));
   write_figure(*make_figure(recording, what), path);
 }
 

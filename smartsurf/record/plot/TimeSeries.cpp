@@ -254,6 +254,9 @@ TimeSeries object_count_series(const Recording& recording, const std::string& ki
 TimeSeries contact_count_series(const Recording& recording, const std::string& kind,
                                 const Arguments& arguments) {
   require_no_arguments(kind, arguments);
+  if (!recording.meta().is_simulated)
+    throw_plot_error(kind, recording.path().string() +
+                               " is the recording of a live surface, of which no contacts are known");
   return {"Contact points in each tick's last physics step",
           "contacts",
           {{"contacts", {recording.contact_counts().begin(), recording.contact_counts().end()}}}};

@@ -58,6 +58,24 @@ void PlotData::update(const History& history) {
   end_ = history.end();
 }
 
+// Colours that colour-blind readers can tell apart (Okabe and Ito), and a grey; then darker and lighter ones.
+std::array<std::uint8_t, 3> curve_colour(std::size_t index) {
+  static constexpr std::array<std::array<double, 3>, 7> kColours{{{0, 115, 179},
+                                                                  {214, 94, 0},
+                                                                  {0, 158, 115},
+                                                                  {204, 120, 166},
+                                                                  {87, 181, 232},
+                                                                  {230, 158, 0},
+                                                                  {90, 90, 90}}};
+  static_assert(kCurveColours == 3 * kColours.size());
+  const std::size_t shade = index / kColours.size() % 3;
+  std::array<std::uint8_t, 3> colour{};
+  std::ranges::transform(kColours[index % kColours.size()], colour.begin(), [&](double c) {
+    return static_cast<std::uint8_t>(shade == 0 ? c : shade == 1 ? 0.5 * c : c + 0.45 * (255.0 - c));
+  });
+  return colour;
+}
+
 std::vector<Signal> signals_to_add(const SceneItem& item, std::span<const Channel> channels,
                                    const PlotData& plotted) {
   const bool is_object = item.kind == SceneItem::Kind::kObject;

@@ -1,6 +1,9 @@
 // The signals of a plot with their values in all stored frames. No OpenGL.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,6 +41,10 @@ class PlotData {
   std::vector<double> times_;
   std::uint64_t begin_ = 0, end_ = 0;  // the frames that times_ holds
 };
+
+// The colour of the plotted signal of that index, sRGB in bytes: no two of the first kCurveColours are equal.
+inline constexpr std::size_t kCurveColours = 21;
+std::array<std::uint8_t, 3> curve_colour(std::size_t index);
 
 // The signals of an item that suit the plots: the quantities that they show of other objects or cells;
 // without any, an object's speed or a cell's first channel.

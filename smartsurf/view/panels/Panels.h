@@ -44,8 +44,6 @@ struct Chart {
   double from_s, to_s;
   double now_s;  // a vertical line marks it
 };
-inline constexpr std::size_t kCurveColours = 7;
-unsigned curve_colour(std::size_t index);  // an ImU32
 // Returns the time that the user has clicked.
 std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float width, float height);
 

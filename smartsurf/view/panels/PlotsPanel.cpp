@@ -97,6 +97,11 @@ void draw_curve(const std::vector<CurvePoint>& points, const ChartArea& area, Im
   finish_piece();
 }
 
+ImU32 packed_curve_colour(std::size_t index) {
+  const auto [red, green, blue] = curve_colour(index);
+  return IM_COL32(red, green, blue, 255);
+}
+
 // A signal that was added in this frame has no values yet.
 bool is_filled(const PlotData& data, std::size_t series) {
   return data.series()[series].values.size() == data.times().size();
@@ -118,7 +123,7 @@ void draw_readout(const PlotData& data, const Chart& chart, const ChartArea& are
   ImGui::Text("%.3f s", data.times()[sample]);
   for (const std::size_t i : chart.series) {
     const PlotData::Series& series = data.series()[i];
-    ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(curve_colour(i)), "%s",
+    ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(packed_curve_colour(i)), "%s",
                        to_string(series.signal).c_str());
     ImGui::SameLine();
     if (std::isnan(series.values[sample]))
@@ -184,7 +189,7 @@ void draw_signal_names(HudState& state) {
       break;
     }
     ImGui::PushID(static_cast<int>(i));
-    ImGui::PushStyleColor(ImGuiCol_Text, ImGui::ColorConvertU32ToFloat4(curve_colour(i)));
+    ImGui::PushStyleColor(ImGuiCol_Text, ImGui::ColorConvertU32ToFloat4(packed_curve_colour(i)));
     if (ImGui::SmallButton(name.c_str())) removed = signal;
     ImGui::PopStyleColor();
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("click: remove");
@@ -247,15 +252,6 @@ void make_draggable(const std::vector<Signal>& signals) {
   ImGui::EndDragDropSource();
 }
 
-// Colours that colour-blind readers can tell apart (Okabe and Ito), and a grey.
-unsigned curve_colour(std::size_t index) {
-  static constexpr ImU32 kColours[kCurveColours] = {IM_COL32(0, 115, 179, 255),  IM_COL32(214, 94, 0, 255),
-                                                    IM_COL32(0, 158, 115, 255),  IM_COL32(204, 120, 166, 255),
-                                                    IM_COL32(87, 181, 232, 255), IM_COL32(230, 158, 0, 255),
-                                                    IM_COL32(90, 90, 90, 255)};
-  return kColours[index % kCurveColours];
-}
-
 std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float width, float height) {
   const float font = ImGui::GetFontSize();
   const ImVec2 corner = ImGui::GetCursorScreenPos();
@@ -281,7 +277,7 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
   draw_axes(area, list);
   list.PushClipRect(area.low, area.high, true);
   for (std::size_t i = 0; i < curves.size(); ++i)
-    draw_curve(curves[i], area, curve_colour(chart.series[i]), font / 8.0f, list);
+    draw_curve(curves[i], area, packed_curve_colour(chart.series[i]), font / 8.0f, list);
   if (chart.now_s < chart.to_s)
     list.AddLine({area.x(chart.now_s), area.low.y}, {area.x(chart.now_s), area.high.y}, kNowColour, 2.0f);
   list.PopClipRect();

@@ -9,6 +9,7 @@ import zipfile
 
 from programs import *
 
+CONTROL_CODES = ("\x1b", "\x07", "\x9b", "\u202e", "\u2028", "\u061c", "\u200e", "\u200f")
 TABLE = "surface { rows = 4, columns = 4, actuator = pin {} }\nsphere { radius = 1, position = {1, 1, 3} }\n"
 
 
@@ -78,7 +79,7 @@ class Terminal(Hostile):
         self.write("a.csv", "1,\x1b]0;title\x07\n")
         self.write("layout.csv", "x,y,z\n1,\x1b[31m,0\n")
         program = self.write("p.aps", "!register(A, 2, 1)\nA = io.array.open('a.csv')\n")
-        script = self.write("s.lua", "error('red \\27[31m \\194\\155 \\u{202E} \\u{2028}')\n")
+        script = self.write("s.lua", "error('red \\27[31m \\194\\155 \\u{202E} \\u{2028} \\u{61C} \\u{200E} \\u{200F}')\n")
         layout = self.write("l.lua", "surface { layout = 'layout.csv', actuator = pin {} }\n")
         for command in ((APRON, "run", program), (SMARTSURF, "check", script), (SMARTSURF, "check", layout),
                         (APRON, "check", "\x1b[31m.aps"), (SMARTSURF, "info", "\x1b[31m.h5"), (SMARTSURF, "\x1b[31m"),
@@ -86,8 +87,31 @@ class Terminal(Hostile):
             status, out, err = self.run_program(*command)
             self.assertNotEqual(status, 0)
             self.assertNotEqual(err, "")
-            for code in ("\x1b", "\x07", "\x9b", "\u202e", "\u2028"):
+            for code in CONTROL_CODES:
                 self.assertNotIn(code, out + err, command)
+
+    @unittest.skipUnless((BIN.parent / "python/smartsurf/__init__.py").exists(), "needs the Python package")
+    def test_messages_of_statements_in_python_hold_no_control_characters(self):
+        name = "red\x1b[31m\x9b\u202e\u2028\u061c\u200e\u200f\n"
+        for command in ((SMARTSURF, "train", name + ".lua"), (SMARTSURF, "train", "x.lua", name),
+                        (SMARTSURF, "identify", name + ".h5", "--experiment", "s.lua", "-o", "i.lua"),
+                        (SMARTSURF, "fmu", name + ".lua", "-o", "t.fmu"), (SMARTSURF, "export", name + ".h5", "-o", "t.usda"),
+                        (str(ROOT / "scripts/sweep"), name + ".lua", "--smartsurf", SMARTSURF),
+                        (str(ROOT / "scripts/sweep"), self.write("s.lua", TABLE), "--smartsurf", SMARTSURF, "--set", name)):
+            status, out, err = self.run_program(*command)
+            self.assertNotEqual(status, 0)
+            self.assertNotEqual(err, "")
+            for code in CONTROL_CODES:
+                self.assertNotIn(code, out + err, command)
+
+    def test_messages_of_runs_in_a_sweep_hold_no_control_characters(self):
+        script = self.write("s.lua", TABLE + "if option('x', '', '') == 'last' then error('red \\27[31m \\u{61C}') end\n"
+                            "on_finish(function() metric('success', 1) end)\n")
+        shown = self.on_terminal(ROOT / "scripts/sweep", script, "--smartsurf", SMARTSURF, "--until", "0.1",
+                                 "--set", "x=" + "".join(CONTROL_CODES) + ",last", "-o", "out").decode()
+        self.assertRegex(shown, r"(?s)x = \\x1b\\x07.* 1 of 1 succeed.*failed   x=last.*red")
+        for code in CONTROL_CODES:
+            self.assertNotIn(code, shown)
 
     def test_printed_text_is_escaped_on_terminals_alone(self):
         script = self.write("s.lua", TABLE + "print('red \\27[31m')\nprint('\u2066der\u202e')\n")

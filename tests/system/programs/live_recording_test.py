@@ -93,6 +93,10 @@ class LiveRecordings(ProgramTest):
                         ["export", path, "-o", str(self.folder / "p.html")]):
             status, _, err = self.run_program(SMARTSURF, *command)
             self.assertEqual((status, err), (0, ""), command)
+        for what in ("contacts", "objects", "speed", "trajectories"):  # of which a live surface says nothing
+            status, _, err = self.run_program(SMARTSURF, "plot", path, "-o", str(self.folder / "r.svg"), "--what", what)
+            self.assertEqual((status, len(err.splitlines())), (2, 1), err)
+            self.assertIn("live surface", err)
         status, _, err = self.run_program(SMARTSURF, "replay", path, "--verify")
         self.assertEqual((status, len(err.splitlines())), (2, 1), err)
 

@@ -118,6 +118,8 @@ class Loading(ProgramTest):
     def test_doctor_imports_nothing_of_the_current_folder(self):
         self.plant_modules()
         doctor = shutil.copy(ROOT / "scripts/doctor", self.folder / "doctor")
+        # Python before 3.11 does not know PYTHONSAFEPATH.
+        doctor.write_text(doctor.read_text().replace("PYTHONSAFEPATH", "UNKNOWN"))
         for environment in ({}, {"PYTHONPATH": "/nowhere"}):
             names, out = self.imported(doctor, **environment)
             self.assertEqual(names, [], out)
@@ -149,6 +151,19 @@ class Loading(ProgramTest):
         names, out = self.imported(ROOT / "scripts/sweep", "table.lua", "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out")
         self.assertEqual(names, [], out)
         self.assertTrue((self.folder / "out/results.csv").exists(), out)
+
+    def test_sweeps_on_slurm_import_nothing_of_the_current_folder(self):
+        table = self.write("table.lua", "surface { rows = 4, columns = 4, actuator = pin {} }\n")
+        sbatch = self.folder / "bin/sbatch"
+        sbatch.parent.mkdir()
+        # Python before 3.11 does not know PYTHONSAFEPATH.
+        sbatch.write_text("#!/bin/sh\nsed s/PYTHONSAFEPATH/UNKNOWN/ >script\nSLURM_ARRAY_TASK_ID=1 sh script\necho 4711\n")
+        sbatch.chmod(0o755)
+        self.plant_modules()
+        names, out = self.imported(ROOT / "scripts/sweep", table, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out", "--slurm=",
+                                   PATH=f"{sbatch.parent}:{os.environ['PATH']}")
+        self.assertEqual(names, [], out)
+        self.assertTrue((self.folder / "out/runs/seed=1/status").exists(), out)
 
 
 if __name__ == "__main__":

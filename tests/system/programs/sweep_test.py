@@ -202,6 +202,23 @@ class Sweep(ProgramTest):
         self.assertEqual((float(row["contacts"]), float(row["metrics.contacts"])), (0, -7))
         self.assertEqual((float(summed["contacts.median"]), float(summed["metrics.contacts.median"])), (0, -7))
 
+    def test_option_statistic_and_metric_of_one_name_have_columns_of_their_own(self):
+        self.write("table.lua", TABLE.replace("option('weight'", "option('contacts'").replace(
+            "metric('product'", "metric('contacts', -7) metric('won', 1) metric('product'"))
+        status, out, err = self.sweep("--set", "contacts=1,2", "--seeds", "1-2", "--y", "metrics.contacts")
+        self.assertEqual((status, err), (0, ""), out)
+        self.assertIn("plot     ", out)
+        self.assertEqual({tuple(float(row[name]) for name in ("contacts", "stats.contacts", "metrics.contacts")) for row in self.results()},
+                         {(1, 0, -7), (2, 0, -7)})
+        # An option and a metric.
+        self.write("table.lua", TABLE.replace("option('weight'", "option('won'").replace("metric('product'", "metric('won', 1) metric('product'"))
+        status, out, err = self.sweep("--set", "won=3", "--y", "metrics.won", "--success", "metrics.won")
+        self.assertEqual((status, err), (0, ""), out)
+        self.assertIn("won = 3: 1 of 1 succeed", out)
+        self.assertIn("plot     ", out)
+        (row,) = self.results()
+        self.assertEqual((float(row["won"]), float(row["metrics.won"])), (3, 1))
+
     def test_a_plot_shows_negative_values(self):
         for values in ("weight - 4", "weight - 1.5", "weight", "0"):
             self.write("table.lua", TABLE.replace("weight * 10", values))
@@ -539,6 +556,9 @@ exec {APRON} run {idle} --shm "$2"
 
             def figures(self):
                 return {"success": int(self.time is not None), "success_s": self.time, "simulated_s": 9.0}
+
+            def figure(self, name):
+                return self.figures().get(name)
         # Of four runs half have succeeded when the second has.
         runs = [Run(seed, time, b) for b in "12" for seed, time in enumerate((1.0, 2.0, 3.0, None))]
         sweep.plot(runs, "x", "success_s", 9.0, self.folder, SMARTSURF)

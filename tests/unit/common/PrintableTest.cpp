@@ -19,7 +19,8 @@ std::string utf8(char32_t c) {
 TEST(Printable, KeepsEveryCharacterButControls) {
   for (char32_t c = 0; c < 0x110000; ++c) {
     const bool is_separator = c == 0x2028 || c == 0x2029;
-    const bool is_bidirectional = (c >= 0x202A && c <= 0x202E) || (c >= 0x2066 && c <= 0x2069);
+    const bool is_mark = c == 0x061C || c == 0x200E || c == 0x200F;
+    const bool is_bidirectional = is_mark || (c >= 0x202A && c <= 0x202E) || (c >= 0x2066 && c <= 0x2069);
     const bool is_control = c < 0x20 || (c >= 0x7F && c < 0xA0) || is_separator || is_bidirectional;
     const bool is_surrogate = c >= 0xD800 && c < 0xE000;
     const std::string text = utf8(c), expected = is_surrogate ? "???" : is_control ? "?" : text;

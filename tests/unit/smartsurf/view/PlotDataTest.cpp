@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <set>
 
 #include "tests/unit/smartsurf/view/TestScene.h"
 
@@ -166,6 +169,12 @@ TEST(ReduceCurve, ReachesTheEdgesAndBreaksAtGaps) {
   EXPECT_EQ(points.front().time_s, 1.0);
   EXPECT_TRUE(std::isnan(points[2].value));
   EXPECT_EQ(points.back().value, 50.0);
+}
+
+TEST(PlotData, CurvesHaveColoursOfTheirOwn) {
+  std::set<std::array<std::uint8_t, 3>> colours;
+  for (std::size_t i = 0; i < 21; ++i) colours.insert(curve_colour(i));
+  EXPECT_EQ(colours.size(), 21u);
 }
 
 }  // namespace
