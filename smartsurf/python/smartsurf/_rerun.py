@@ -35,13 +35,23 @@ end
 _ERRORS = ("noise", "quantize", "latency", "dropout", "false_hits", "drift", "stuck_low", "stuck_high", "dead")
 
 
-def silent_source(experiment: str | pathlib.Path) -> str:
-    """The script, as re-runs load it."""
+# For cells alone: what the script does every tick to objects that come later does not move a pin.
+_NO_TICKS = "on_tick = nothing "
+
+
+def silent_source(experiment: str | pathlib.Path, ticks: bool = True) -> str:
+    """The script, as re-runs load it. ticks: with what it does in every tick."""
     try:
         text = pathlib.Path(experiment).read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{experiment}: {getattr(error, 'strerror', None) or error}") from error
-    return " ".join(_SILENT.split("\n")) + text
+    return " ".join(_SILENT.split("\n")) + ("" if ticks else _NO_TICKS) + text
+
+
+def _is_of_pins_alone(simulation: Simulation) -> bool:
+    """Whether nothing but commands moves the pins: there are no objects yet, and none that comes is too heavy for a pin."""
+    limits = [n for n in simulation.parameters if n.startswith("actuator.") and n.endswith(".max_force")]
+    return not len(simulation.objects["id"]) and all(np.isnan(simulation.get_parameter(n)) for n in limits)
 
 
 class Rerun:
@@ -53,6 +63,7 @@ class Rerun:
         given = dict(options or {})
         plain = Simulation(experiment, set=given, source=source)
         by_options: dict[tuple[tuple[str, str], ...], Simulation] = {}
+        without_ticks: dict[Simulation, Simulation] = {}
         self.simulations: list[Simulation] = []  # by recording: with its options
         self.options: list[dict[str, str]] = []  # the same: those that are not the experiment's own
         for recording in recordings:
@@ -60,11 +71,15 @@ class Rerun:
             key = tuple(sorted({**own, **given}.items()))
             if key not in by_options:
                 by_options[key] = Simulation(experiment, set=dict(key), source=source) if own else plain
+                if _is_of_pins_alone(by_options[key]):
+                    without_ticks[by_options[key]] = Simulation(experiment, set=dict(key), source=silent_source(experiment, ticks=False))
             self.simulations.append(by_options[key])
             self.options.append(dict(key))
         self.simulation = self.simulations[0]
+        # By recording: for heights alone, half as long a step where the script has a function of every tick.
+        self._of_heights = [without_ticks.get(s, s) for s in self.simulations]
         self._check_table()
-        self.names = {s: set(s.parameters) for s in self.simulations}
+        self.names = {s: set(s.parameters) for s in [*self.simulations, *self._of_heights]}
         self.parameters = set().union(*self.names.values())
         for s, names in self.names.items():
             for name in names:
@@ -100,9 +115,10 @@ class Rerun:
             for name, value in values.items():
                 if name in names:
                     s.set_parameter(name, value)
+        simulations = self._of_heights if tuple(sensors) == (HEIGHT,) else self.simulations
         results = []
         for index in range(len(self.recordings)) if only is None else only:
-            recording, s = self.recordings[index], self.simulations[index]
+            recording, s = self.recordings[index], simulations[index]
             s.reset(recording.seed)
             frames = min(recording.frames, most_frames or recording.frames)
             out = {name: np.empty((frames, s.rows, s.columns), np.float32) for name in sensors}
