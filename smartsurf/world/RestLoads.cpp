@@ -18,7 +18,6 @@ constexpr std::size_t kMaxIncomplete = 32;
 constexpr double kBalanced = 2e-4;   // what forces may lack, relative to a body's weight
 constexpr double kTolerance = 1e-6;  // of the solution, relative to the weight of the island
 constexpr int kMaxRounds = 12;
-constexpr float kTouchingSeparation = 1e-3F;  // u
 // Weights of components, relative to that of their normal: an object that trembles lifts rather than slips.
 constexpr double kTangentWeight = 0.1, kRollingWeight = 0.01, kTouchingWeight = 0.1;
 

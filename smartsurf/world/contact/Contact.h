@@ -11,6 +11,9 @@
 
 namespace smartsurf::world {
 
+// Contacts up to this separation count as touching where loads or blows are passed on, u.
+inline constexpr float kTouchingSeparation = 1e-3F;
+
 // What a static contact of a body touches. Values from 0 up are indices of static bodies.
 enum class Partner : std::int32_t {
   kCell = -1,           // a column or a rigid tip

@@ -88,7 +88,7 @@ class HeavyIslandSolver {
   struct Point : Springs {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: static
-    bool is_sphere;            // its anchor is along the normal
+    ContactKind kind;
     bool bears, sticks, stuck_again;
     double steady_impulse;  // normal, of the last relax stage
     // Normal, and the vector of friction: before the sweep; during solve_island(), after it.

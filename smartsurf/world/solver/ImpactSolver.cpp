@@ -11,8 +11,7 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
-constexpr float kMinOverlap = 1e-6F;          // rounding errors of a position, u
+constexpr float kMinOverlap = 1e-6F;  // rounding errors of a position, u
 constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
 constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
 // A contact without restitution resists a blow if it approaches at this share of the speed of the blow.
@@ -50,11 +49,11 @@ float touching_separation(const ImpactSolver::Step& step, float speed) {
 
 // The impulse that a cell of limited force has left, on its motor's line, for one of the body's contacts.
 float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
-  constexpr float kUnlimited = std::numeric_limits<float>::infinity();
+  constexpr float kUnlimitedImpulse = std::numeric_limits<float>::infinity();
   const std::vector<Contact>& contacts = step.static_contacts.contacts;
-  if (m.b >= 0 || step.cell_limits.empty()) return kUnlimited;
+  if (m.b >= 0 || step.cell_limits.empty()) return kUnlimitedImpulse;
   const CellImpulseLimit& limit = step.cell_limits[&c - contacts.data()];
-  if (!limit.is_limited()) return kUnlimited;
+  if (!limit.is_limited()) return kUnlimitedImpulse;
   const float capacity = (&limit + limit.to_first)->capacity;
   float load = 0.0F;
   int count = 0;
@@ -85,7 +84,7 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
               greatest = std::max(std::abs(start), std::abs(end));
   const float squared = start * start - 2.0F * acceleration * std::max(separation, 0.0F);
   const float contact = std::clamp(std::sqrt(std::max(squared, 0.0F)), least, greatest);
-  const float rebound = restitution * contact, max_correction = kMaxCorrection * rebound;
+  const float rebound = law::rebound_speed(restitution, -contact), max_correction = kMaxCorrection * rebound;
   return {contact, rebound - std::clamp(half_change, -max_correction, max_correction)};
 }
 

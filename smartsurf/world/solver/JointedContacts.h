@@ -48,7 +48,7 @@ class JointedContacts {
   struct Point {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: does not move
-    bool is_pair, is_sphere;
+    ContactKind kind;
     Vec3 normal, anchor[2];
     Mat3 inverse_inertia[2];
     float separation = 0.0F;   // at the start of the stage

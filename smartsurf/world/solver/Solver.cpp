@@ -327,9 +327,8 @@ void Solver::lead_turning_cells(StepContext& context, const Member& member, floa
         for (int lane = 0; lane < o.lane_count; ++lane) {
           BatchPointDetail& d = detail_[k];
           if (d.surface_spin[lane] == 0.0F) continue;
-          const float(&n)[3][kLanes] = point_[k].normal;
-          const Vec3 normal(n[0][lane], n[1][lane], n[2][lane]),
-              change = turned(o.a[lane], d.surface_spin[lane]);
+          const Vec3 normal = load_lane(point_[k].normal, lane),
+                     change = turned(o.a[lane], d.surface_spin[lane]);
           const Vec3 along = change - normal * normal.dot(change);
           for (int axis = 0; axis < 3; ++axis) d.surface_velocity[axis][lane] += along[axis];
         }

@@ -16,11 +16,8 @@ constexpr float kPressingNormalZ = 0.5F;  // of contacts that press a body down
 constexpr float kLeastEscape = 0.5F;
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
 
-void store(float (*to)[kLanes], int lane, const Vec3& from) {
-  for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
-}
 // The floats of Contact, and the rows of four that batches copy: normal and anchor x; anchor y, z, separation
-// and other; normal and friction impulse; surface velocity and spin; rolling and total normal impulse.
+// and partner; normal and friction impulse; surface velocity and spin; rolling and total normal impulse.
 constexpr std::size_t kNormalRow = 0, kAnchorRow = 16, kSurfaceRow = 36, kImpulseRow = 56, kRollingRow = 72;
 static_assert(offsetof(Contact, normal) == kNormalRow && offsetof(Contact, anchor) == kAnchorRow - 4 &&
               offsetof(Contact, separation) == kAnchorRow + 8 &&
@@ -56,8 +53,6 @@ const Contact kNoContact = [] {
   c.separation = kUnusedSeparation;
   return c;
 }();
-
-Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 }  // namespace
 
@@ -219,9 +214,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     set_friction(lane, b);
     if (of_spheres) continue;
     if (of.first[lane]->twist_friction_loss > 0.0F) set_face_patch(m.count);
-    store(lanes.position_a, lane, position[m.a]);
-    store(lanes.position_b, lane, position[m.b]);
-    store(lanes.relative_velocity, lane, context.bodies.velocity(m.a) - context.bodies.velocity(m.b));
+    store_lane(position[m.a], lanes.position_a, lane);
+    store_lane(position[m.b], lanes.position_b, lane);
+    store_lane(context.bodies.velocity(m.a) - context.bodies.velocity(m.b), lanes.relative_velocity, lane);
   }
   for (int k = 0; k < o.point_count; ++k) {
     BatchPoint& p = point_[o.first_point + k];
@@ -298,7 +293,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         d.steady_impulse[lane] = 0.0F;
     }
     for (int lane = 0; !of_pairs && lane < o.lane_count; ++lane)
-      if (c[lane]->partner == Partner::kSupportedCell) store(p.friction_impulse, lane, Vec3::Zero());
+      if (c[lane]->partner == Partner::kSupportedCell) store_lane(Vec3::Zero(), p.friction_impulse, lane);
   }
 }
 
@@ -353,7 +348,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
       if (!of.has(lane, k)) continue;
       Contact& c = of.first[lane][k];
       c.total_normal_impulse = p.total_normal_impulse[lane];
-      if (o.has_rolling_friction) c.rolling_impulse = load(d.rolling_impulse, lane);
+      if (o.has_rolling_friction) c.rolling_impulse = load_lane(d.rolling_impulse, lane);
     }
   }
   for (int lane = 0; lane < o.lane_count; ++lane) {

@@ -40,7 +40,7 @@ void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoin
   for (int i = p.first_point; i < p.first_point + p.point_count; ++i) {
     const std::int32_t k = p.batch_point + list.points[i];
     BatchPointLimit* limit = nullptr;
-    if (p.has_impulse_limit && points.limit[k].stall_impulse[p.lane] < BatchPointLimit::kUnlimited)
+    if (p.has_impulse_limit && points.limit[k].is_limited(p.lane))
       limit = &points.limit[k] + points.limit[k].to_first[p.lane];
     each(k, limit, list.shares[i]);
   }
