@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "smartsurf/world/contact/ContactMaterial.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -95,7 +97,7 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
     contacts.for_each_contact_of(body, [&](const Manifold& m, Contact& c) {
       if (m.a != body) return;  // that body's turn
       add_contact(bodies, m, c);
-      if (c.partner != Partner::kSupportedCell && c.partner != Partner::kElasticTop) return;
+      if (!c.is_in_patch()) return;
       normal += c.normal;
       moment += to_double(c.anchor).cross(to_double(c.normal)) * static_cast<double>(c.total_normal_impulse);
       limit = std::min(limit, c.max_cell_impulse);
@@ -125,7 +127,7 @@ RestLoads::Row& RestLoads::add_row(std::int32_t a, std::int32_t b) {
 }
 
 void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact& c) {
-  const std::int32_t a = place_[m.a], b = m.b >= 0 ? place_[m.b] : -1, other = other_body(m, c);
+  const std::int32_t a = place_[m.a], b = m.b >= 0 ? place_[m.b] : -1;
   const Vec3 anchor_a = bodies.is_sphere[m.a] ? Vec3(-bodies.bounding_radius[m.a] * c.normal) : c.anchor;
   Vec3 anchor_b = Vec3::Zero();
   if (b >= 0)
@@ -142,8 +144,8 @@ void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact&
     if (b >= 0) fill(r.on_b, anchor_b, -1.0, b);
     return r;
   };
-  // The load of a supported cell is that of a sample. Its point still has a share of the friction.
-  const bool has_load = c.partner != Partner::kSupportedCell && c.partner != Partner::kElasticTop;
+  // The load in a patch is that of a sample. The point still has a share of the friction.
+  const bool has_load = !c.is_in_patch();
   const auto substeps = static_cast<float>(settings_.substeps);
   const auto normal = static_cast<std::int32_t>(rows_.size());
   if (has_load) {
@@ -154,8 +156,7 @@ void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact&
     r.touches = c.separation < kTouchingSeparation;
   }
   const float friction =
-      bodies.surface_material[m.a].friction_root *
-      (other >= 0 ? bodies.surface_material[other].friction_root : settings_.field_friction_root);
+      friction_of(bodies.surface_material[m.a], material_of_b(bodies, settings_.field_material, m, c));
   const Vec3 t = c.normal.unitOrthogonal(), u = c.normal.cross(t);
   for (const Vec3& axis : {t, u}) {
     if (friction == 0.0F) break;

@@ -26,7 +26,7 @@ class RestLoads {
     Vec3 gravity{0, 0, 0};
     float dt_s = 0.0F;
     int substeps = 1;
-    float field_friction_root = 1.0F;
+    SurfaceMaterial field_material{};
   };
   explicit RestLoads(const Settings& settings) : settings_(settings) {}
 

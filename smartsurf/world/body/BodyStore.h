@@ -20,10 +20,11 @@ namespace smartsurf::world {
 
 struct RotationBatch;
 
-// What contact preparation reads of a body, in one cache line. Friction is stored as a square root, so that
+// Of a body, as read by contact preparation, in one cache line. Friction is stored as a square root, so that
 // the product of two entries is the geometric mean of the coefficients.
 struct SurfaceMaterial {
   float radius, friction_root, rolling_friction_root, restitution;
+  bool operator==(const SurfaceMaterial&) const = default;
 };
 
 // Principal moments of inertia about the centre of mass and, in body axes, the directions of the least and

@@ -144,7 +144,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
     : field(f),
       ids(object_ids),
       field_surface(parameters_of(scene.materials[scene.surface.material])),
-      substeps(std::max(1, (scene.world.iterations + 1) / 2)),
+      substeps(substeps_of(scene.world.iterations)),
       cells(world, f,
             scene.surface.max_top_height() - scene.surface.pin.min_height + scene.surface.pin.length) {
   substep_s = scene.world.dt_s / substeps;

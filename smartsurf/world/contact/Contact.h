@@ -62,8 +62,9 @@ struct Contact {
   }
   // True if the surface moves exactly as the cell `feature_id` does.
   bool moves_with_cell() const { return touches_cell() || partner == Partner::kSkin; }
-  // True if the impulse is a load of the cell `feature_id`. That on a supported cell is not: its patch has
-  // the loads.
+  // True if a support patch has the load of the cell, and the friction.
+  bool is_in_patch() const { return partner == Partner::kSupportedCell || partner == Partner::kElasticTop; }
+  // True if the impulse is a load of the cell `feature_id`.
   bool loads_cell() const {
     return partner == Partner::kCell || partner == Partner::kYieldingTip || touches_skin();
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/solver/SupportPoints.h"
 #include "smartsurf/world/solver/SupportSprings.h"
 
@@ -55,8 +56,6 @@ Solver& Solver::of_this_thread(const StepSettings& settings) {
 void Solver::set_up(const StepSettings& settings) {
   settings_ = settings;
   h_s_ = settings.dt_s / static_cast<float>(settings.substeps);
-  field_material_ = {0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
-                     settings.field_restitution};
   pair_params_ = make_substep_params(h_s_, kPairContactHertz, settings.substeps);
   static_params_ = make_substep_params(h_s_, kStaticContactHertz, settings.substeps);
   // Adding 0 turns −0 into +0, as the sum with a zero wrench in external_velocity_change() does.
@@ -73,7 +72,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
     if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition, settings_.substeps);
   });
-  const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
+  const bool any_restitution = settings_.field_material.restitution > 0.0F || bodies.restituting > 0;
   StepContext context{.bodies = bodies,
                       .input = input,
                       .partition = input.partition,
@@ -155,7 +154,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   const PointStep point_step{.bodies = context.bodies,
                              .partition = context.partition,
                              .static_contacts = context.input.static_contacts,
-                             .field_material = field_material_,
+                             .field_material = settings_.field_material,
                              .params = context.static_params,
                              .velocity = velocity_.data(),
                              .delta_pose = delta_pose_.data(),
@@ -542,7 +541,7 @@ void Solver::prepare_supports(StepContext& context) {
     batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
       const int row = p.row;
       prepare_support(batch, lane, velocity_[row], inverse_inertia_[row],
-                      material_[row].friction_root * field_material_.friction_root, substep_fraction);
+                      friction_of(material_[row], settings_.field_material), substep_fraction);
       if (p.is_elastic) prepare_springs(list, p, velocity_[row], substep_fraction);
     });
 }

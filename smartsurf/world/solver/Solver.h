@@ -34,9 +34,8 @@ namespace smartsurf::world {
 struct StepSettings {
   float dt_s;
   int substeps;
-  Vec3 gravity;  // u/s²
-  float field_friction_root, field_rolling_friction_root,
-      field_restitution;  // of field and ground; roots as in SurfaceMaterial
+  Vec3 gravity;                    // u/s²
+  SurfaceMaterial field_material;  // of field and ground
   bool operator==(const StepSettings&) const = default;
 };
 
@@ -135,7 +134,6 @@ class Solver {
   void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);
   void solve_impacts(StepContext&, const Member&);
-  const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
   void store_impulses(StepContext&, ContactKind, int batch);
   std::span<const IndexRange> find_active_rows(const SpatialPartition&, IndexRange slabs, int member);
   void load_bodies(StepContext&);
@@ -163,7 +161,6 @@ class Solver {
   StepSettings settings_;
   // ---- derived from the settings
   float h_s_;
-  SurfaceMaterial field_material_;
   SubstepParams pair_params_, static_params_;
   BodyVelocity gravity_change_;  // per substep
   ConstraintGraph graph_;

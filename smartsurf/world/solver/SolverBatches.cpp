@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "common/memory/Prefetch.h"
+#include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/Solver.h"
@@ -127,7 +128,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
           (is_limited && c.max_cell_impulse < -kLimitMargin * p.normal_mass[lane] * speed);
       if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
       const float restitution =
-          std::max(material_[o.a[lane]].restitution, material_of_b(context, m, c).restitution);
+          restitution_of(material_[o.a[lane]], material_of_b(context.bodies, settings_.field_material, m, c));
       if (restitution == 0.0F && (in_substeps || !lands_flat)) continue;
       impacts_.add(member.index, {is_pair(kind), in_substeps, manifold, m.first + k, speed});
       if (!in_substeps) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
@@ -136,16 +137,18 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
 }
 
 void Solver::solve_impacts(StepContext& context, const Member& member) {
-  impacts_.solve({context.bodies, context.partition, context.input.pair_contacts,
-                  context.input.static_contacts, context.input.cell_limits, field_material_, settings_.dt_s,
-                  settings_.substeps, context.input.has_room, velocity_.data(), delta_pose_.data()},
+  impacts_.solve({.bodies = context.bodies,
+                  .partition = context.partition,
+                  .pair_contacts = context.input.pair_contacts,
+                  .static_contacts = context.input.static_contacts,
+                  .cell_limits = context.input.cell_limits,
+                  .field_material = settings_.field_material,
+                  .dt_s = settings_.dt_s,
+                  .substeps = settings_.substeps,
+                  .has_room = context.input.has_room,
+                  .velocity = velocity_.data(),
+                  .delta_pose = delta_pose_.data()},
                  member);
-}
-
-const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const Manifold& m,
-                                             const Contact& c) const {
-  const std::int32_t other = other_body(m, c);
-  return other >= 0 ? material_[context.partition.row(other)] : field_material_;
 }
 
 // Unused lanes refer to the bodies of the first lane, so that loads stay valid; they are never stored.
@@ -186,8 +189,8 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
   } lanes;
   const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
     const SurfaceMaterial& a = material_[o.a[lane]];
-    lanes.friction[lane] = a.friction_root * b.friction_root;
-    lanes.rolling_friction[lane] = a.rolling_friction_root * b.rolling_friction_root;
+    lanes.friction[lane] = friction_of(a, b);
+    lanes.rolling_friction[lane] = rolling_friction_of(a, b);
     o.has_rolling_friction |= lanes.rolling_friction[lane] > 0.0F;
   };
   for (int lane = 0; lane < o.lane_count; ++lane) {
@@ -203,7 +206,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       for (int k = 0; k < m.count; ++k) {
         const Contact& c = of.first[lane][k];
         if (!of.has(lane, k)) continue;
-        set_friction(lane, material_of_b(context, m, c));
+        set_friction(lane, material_of_b(context.bodies, settings_.field_material, m, c));
         patch_points += c.touches_body() && c.twist_friction_loss > 0.0F ? 1 : 0;
       }
       set_face_patch(patch_points);
@@ -227,9 +230,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       if (!of.has(lane, k)) continue;
       c[lane] = of.first[lane] + k;
       if (of_pairs) continue;
-      set_friction(lane, material_of_b(context, *of.manifold[lane], *c[lane]));
-      if (c[lane]->partner == Partner::kSupportedCell)
-        lanes.friction[lane] = 0.0F;  // the patch has the friction
+      set_friction(lane,
+                   material_of_b(context.bodies, settings_.field_material, *of.manifold[lane], *c[lane]));
+      if (c[lane]->is_in_patch()) lanes.friction[lane] = 0.0F;
     }
     for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
       const Contact* const* const four = c + lane;
@@ -293,7 +296,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         d.steady_impulse[lane] = 0.0F;
     }
     for (int lane = 0; !of_pairs && lane < o.lane_count; ++lane)
-      if (c[lane]->partner == Partner::kSupportedCell) store_lane(Vec3::Zero(), p.friction_impulse, lane);
+      if (c[lane]->is_in_patch()) store_lane(Vec3::Zero(), p.friction_impulse, lane);
   }
 }
 
