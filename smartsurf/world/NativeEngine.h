@@ -151,7 +151,7 @@ class NativeEngine final : public Engine {
   SkinSolver elastic_skin_;
   CellForceLimits force_limits_;
   JamRelief jam_relief_;
-  std::vector<DeepContact> deep_bodies_;
+  std::vector<JammedBody> jammed_bodies_, strained_bodies_;
   bool lowered_speeds_ = false;  // in this step
   bool has_wrenches_ = false;    // since the last step
   struct Load {

@@ -91,10 +91,12 @@ void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) 
   islands_.clear();
 }
 
-void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch, ContactKind kind,
-                                         const BatchPoints& points, const BodyVelocity* velocity,
-                                         const SubstepParams& params, const Vec3& weight, int member) {
-  const ContactBatch& o = graph.batch(batch);
+void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKind kind,
+                                         const SubstepParams& params, const Member& member) {
+  const ContactBatch& o = step.graph.batch(batch);
+  const BatchPoints& points = step.points;
+  const BodyVelocity* const velocity = step.velocity;
+  const Vec3 weight = step.h_s * step.gravity;  // what gravity gives a body in a substep, u/s
   const unsigned bears = bearing_lanes_[batch] = find_bearing_lanes(o, points);
   const float weight_impulse = weight.norm();
   float load[kLanes] = {};
@@ -123,7 +125,7 @@ void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
-    MemberData& own = members_[member];
+    MemberData& own = members_[member.index];
     (is_heavy ? own.heavy_rows : own.sinking_rows).push_back(bearer);
   }
 }

@@ -94,7 +94,7 @@ class JointSolver {
   void move_back(const BodyStore&, const Rows&, const Substep&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
-  void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
+  void find_strained(const BodyStore&, float min_depth, std::vector<JammedBody>&) const;
 
  private:
   static constexpr int kRows = 6;

@@ -335,7 +335,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   const ContactBatch& o = graph_.batch(index);
   const BatchContacts of = contacts_of_batch(context, kind, index);
   float depth[kLanes];
-  std::fill_n(depth, kLanes, context.input.deep_contact);
+  std::fill_n(depth, kLanes, context.input.min_jam_depth);
   for (int k = 0; k < o.point_count; ++k) {
     const BatchPoint& p = point_[o.first_point + k];
     const BatchPointDetail& d = detail_[o.first_point + k];
@@ -356,7 +356,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   }
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = *of.manifold[lane];
-    if (depth[lane] > context.input.deep_contact) {
+    if (depth[lane] > context.input.min_jam_depth) {
       const Contact& deepest = *std::min_element(
           of.first[lane], of.first[lane] + m.count,
           [](const Contact& one, const Contact& other) { return one.separation < other.separation; });
@@ -369,8 +369,8 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
         const float lower = upward > 0.0F ? of_b : of_a, upper = upward > 0.0F ? of_a : of_b;
         if (lower > 0.0F && upper >= kLeastEscape * lower) continue;
       }
-      context.deep_contacts.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
-      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth[lane], upward > kPressingNormalZ});
+      context.jammed_bodies.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
+      if (m.b >= 0) context.jammed_bodies.push_back({m.b, depth[lane], upward > kPressingNormalZ});
     }
     if (!o.has_impulse_limit || is_pair(kind)) continue;
     for (int k = 0; k < m.count; ++k) {

@@ -62,18 +62,18 @@ struct StepFixture {
   void step() {
     find_contacts();
     solver.step(bodies,
-                {pipeline.partition(),
-                 pair_contacts,
-                 static_contacts,
-                 pipeline.pair_ranges(),
-                 pipeline.static_ranges(),
-                 pipeline.supports(),
-                 {},
-                 false,
-                 joints,
-                 tips,
-                 skin,
-                 has_room},
+                {.partition = pipeline.partition(),
+                 .pair_contacts = pair_contacts,
+                 .static_contacts = static_contacts,
+                 .pair_ranges = pipeline.pair_ranges(),
+                 .static_ranges = pipeline.static_ranges(),
+                 .supports = pipeline.supports(),
+                 .cell_limits = {},
+                 .has_wrenches = false,
+                 .joints = joints,
+                 .tips = tips,
+                 .skin = skin,
+                 .has_room = has_room},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
