@@ -95,11 +95,11 @@ bool NativeEngine::remove(scene::ObjectId id) {
   return true;
 }
 
-bool NativeEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& placement) {
+bool NativeEngine::set_state(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   const int index = bodies_.find(id);
   if (index < 0) return false;
   wake_with_neighbours(index);
-  bodies_.apply_placement(index, unit_.to_world(placement));
+  bodies_.set_state(index, unit_.to_world(update));
   return true;
 }
 

@@ -55,7 +55,7 @@ struct BodyLink {
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass, u
-  // What rounding has kept from the position, u: far from the origin, the motion of a slow body in a step is
+  // Rounding error of the position, u: far from the origin, the motion of a slow body in a step is
   // less than its last bit.
   std::vector<Vec3> position_remainder;
   std::vector<Quat> orientation;
@@ -132,7 +132,7 @@ struct BodyStore {
   // Index of the body, or −1.
   int find(scene::ObjectId) const;
   // Sets the values that are present, of the origin; ignores velocities of a static body.
-  void apply_placement(std::size_t index, const scene::ObjectStateUpdate&);
+  void set_state(std::size_t index, const scene::ObjectStateUpdate&);
   // Recomputes axes, world inertia and rotation_state from orientation and angular velocity.
   void update_axes(std::size_t index);
   // Inverse moment of inertia of a dynamic sphere.

@@ -14,7 +14,7 @@ namespace smartsurf::world {
 // Contacts up to this separation count as touching where loads or blows are passed on, u.
 inline constexpr float kTouchingSeparation = 1e-3F;
 
-// What a static contact of a body touches. Values from 0 up are indices of static bodies.
+// The partner of a body in a static contact. Values from 0 up are indices of static bodies.
 enum class Partner : std::int32_t {
   kCell = -1,           // a column or a rigid tip
   kGround = -2,         // the plane under the field

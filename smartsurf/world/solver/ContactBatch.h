@@ -1,4 +1,4 @@
-// What the contact kernels work on: batches of manifolds, their points, the parameters of a substep.
+// The data of the contact kernels: batches of manifolds, their points, the parameters of a substep.
 #pragma once
 
 #include <algorithm>

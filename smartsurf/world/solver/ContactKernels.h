@@ -26,7 +26,7 @@ using IntegrateVelocities = void (*)(int begin, int end, const BodyVelocity& cha
 using IntegratePositions = void (*)(int begin, int end, float h_s, const BodyVelocity* velocity,
                                     DeltaPose* delta_pose);
 
-// What the two do in all substeps of a step in which nothing touches.
+// The two in all substeps of a step in which nothing touches.
 using IntegrateFree = void (*)(int begin, int end, int substeps, float h_s, const BodyVelocity& change,
                                BodyVelocity* velocity, DeltaPose* delta_pose);
 

@@ -1,4 +1,4 @@
-// What JointSolver does between steps: it adds, removes and changes joints, and reports their state.
+// JointSolver between steps: it adds, removes and changes joints, and reports their state.
 #include <algorithm>
 #include <limits>
 #include <utility>

@@ -6,8 +6,8 @@
 // error without adding energy; what is left is greatest where one contact bears many links, and the impulses
 // carry over to the next substep.
 //
-// What carries over is a load, which two substeps in a row have borne: a blow that struck once more would set
-// the chain in motion, and the turns are too few to take that back.
+// Only loads carry over, the impulses that two substeps in a row have borne: a blow that struck once more
+// would set the chain in motion, and the turns are too few to take that back.
 #pragma once
 
 #include <cstdint>

@@ -49,7 +49,7 @@ struct StepFixture {
     scene::ObjectStateUpdate update;
     update.position = position.cast<double>();
     update.velocity = velocity.cast<double>();
-    bodies.apply_placement(i, update);
+    bodies.set_state(i, update);
     pipeline.on_bodies_changed(bodies.size());
     return i;
   }
