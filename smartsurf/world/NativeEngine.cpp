@@ -12,7 +12,7 @@ namespace smartsurf::world {
 namespace {
 
 float ground_height(const scene::SceneSpec& s, const LengthUnit& unit) {
-  return s.world.ground ? static_cast<float>(unit.to_world(s.surface.pin.min_height - s.surface.pin.length))
+  return s.world.ground ? static_cast<float>(unit.to_world(s.surface.ground_height()))
                         : -std::numeric_limits<float>::infinity();
 }
 

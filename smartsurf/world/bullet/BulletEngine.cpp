@@ -163,8 +163,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
   info.m_restitutionVelocityThreshold = kRestitutionSpeed;
   if (scene.world.ground) {
     btRigidBody::btRigidBodyConstructionInfo ground_info(0.0, nullptr, &ground_shape);
-    ground_info.m_startWorldTransform.setOrigin(
-        {0, 0, scene.surface.pin.min_height - scene.surface.pin.length});
+    ground_info.m_startWorldTransform.setOrigin({0, 0, scene.surface.ground_height()});
     ground = std::make_unique<btRigidBody>(ground_info);
     ground->setUserIndex(kGroundIndex);
     world.addRigidBody(ground.get());
