@@ -203,6 +203,8 @@ struct SurfaceSpec {
   int cell_count() const { return rows * columns; }
   // z of the highest top that a cell can have, the border included, u.
   double max_top_height() const { return std::max(pin.max_height, border_height.value_or(pin.max_height)); }
+  // z of the ground: the feet of pins at their lowest, u.
+  double ground_height() const { return pin.min_height - pin.length; }
   // The names of all sensor channels, in the order of the sensors.
   std::vector<std::string> sensor_channels() const;
   // `actuators`, or the default pin if that is empty.

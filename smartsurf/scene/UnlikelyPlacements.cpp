@@ -157,7 +157,7 @@ PlacementCheck::PlacementCheck(const SurfaceSpec& surface)
 
 std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSpec& o, std::size_t id) const {
   const double diagonal = std::hypot(bounds_.width(), bounds_.height());
-  const double feet = surface_.pin.min_height - surface_.pin.length,
+  const double feet = surface_.ground_height(),
                gap = surface_.pitch - std::max(surface_.pin.top_x, surface_.pin.top_y);
   if (o.fixed) return std::nullopt;
   const Eigen::Vector3d& p = o.position;

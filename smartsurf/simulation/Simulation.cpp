@@ -113,7 +113,7 @@ void Simulation::add_wrenches() {
 }
 
 bool Simulation::place(scene::ObjectId id, const script::ObjectStateUpdate& update) {
-  if (!engine_->place(id, update)) return false;
+  if (!engine_->set_state(id, update)) return false;
   take_snapshot();
   return true;
 }
@@ -280,7 +280,7 @@ void Simulation::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
 
 void Simulation::set_state(scene::ObjectId id, const script::ObjectStateUpdate& update) {
   snapshot();
-  engine_->place(id, update);
+  engine_->set_state(id, update);
 }
 
 void Simulation::require_scripted_actuators() const {

@@ -52,7 +52,7 @@ class CollisionPipeline {
   // all members.
   void update_broadphase(const BodyStore&, const Member&);
 
-  // Whether nothing but the body `partner` comes within `reach` of the body's bounding sphere in the step.
+  // True if nothing but the body `partner` comes within `reach` of the body's bounding sphere in the step.
   bool has_room(const BodyStore&, std::size_t body, std::int32_t partner, float reach) const;
 
   // The bodies of a member: those in its slabs in the previous step, which are still in its cache, or an even
@@ -88,8 +88,8 @@ class CollisionPipeline {
     if (support_slabs_ == 0) supports_[0].clear(), support_slabs_ = 1;
     return supports_[0];
   }
-  // Whether pairs of bodies were swept in the last find_contacts(); calls visit(a, b) for the member's share
-  // of them. b may be static.
+  // Pairs of bodies that were swept in the last find_contacts(); calls visit(a, b) for the member's share of
+  // them. b may be static.
   bool any_swept() const { return swept_pairs_ > 0; }
   template <class Visit>
   void for_each_swept_pair(const Member& member, Visit visit) const {

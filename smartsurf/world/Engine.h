@@ -46,7 +46,7 @@ class Engine {
   virtual bool alive(scene::ObjectId) const = 0;
   virtual bool remove(scene::ObjectId) = 0;
   // Sets the values that are present and keeps the others. Wakes the object and its neighbours.
-  virtual bool place(scene::ObjectId, const scene::ObjectStateUpdate&) = 0;
+  virtual bool set_state(scene::ObjectId, const scene::ObjectStateUpdate&) = 0;
   // Applies a constant force (world frame, mass·u/s²) during the next `duration_s` of simulated time, for at
   // least one step. It acts at `point`, given in the world frame and fixed to the body from then on, or at
   // the centre of mass.
@@ -67,7 +67,7 @@ class Engine {
 
   // The live objects, for actuators, in the poses to which their velocities take them by the mean of the
   // times at which the substeps begin: with the forces there, a swing in a field keeps its energy. Valid
-  // until the next step or until objects are added, removed or placed.
+  // until the next step or until objects are added, removed or their states set.
   virtual surface::BodyView bodies() const = 0;
   // External force and torque on each body during the next step, in the order of bodies(); reset to zero
   // after it. A nonzero wrench wakes its body.

@@ -7,24 +7,24 @@
 #include <utility>
 
 #include "smartsurf/world/Substeps.h"
+
 namespace smartsurf::world {
 namespace {
 
 float ground_height(const scene::SceneSpec& s, const LengthUnit& unit) {
-  return s.world.ground ? static_cast<float>(unit.to_world(s.surface.pin.min_height - s.surface.pin.length))
+  return s.world.ground ? static_cast<float>(unit.to_world(s.surface.ground_height()))
                         : -std::numeric_limits<float>::infinity();
 }
 
 StepSettings make_step_settings(const scene::SceneSpec& s, const LengthUnit& unit) {
   const scene::Material m = unit.to_world(s.materials[s.surface.material]);
-  StepSettings settings;
-  settings.dt_s = static_cast<float>(s.world.dt_s);
-  settings.substeps = std::max(1, (s.world.iterations + 1) / 2);
-  settings.gravity = unit.to_world(s.world.gravity).cast<float>();
-  settings.field_friction_root = std::sqrt(static_cast<float>(m.friction));
-  settings.field_rolling_friction_root = std::sqrt(static_cast<float>(m.rolling_friction));
-  settings.field_restitution = static_cast<float>(m.restitution);
-  return settings;
+  return {.dt_s = static_cast<float>(s.world.dt_s),
+          .substeps = substeps_of(s.world.iterations),
+          .gravity = unit.to_world(s.world.gravity).cast<float>(),
+          .field_material = {.radius = 0.0F,
+                             .friction_root = std::sqrt(static_cast<float>(m.friction)),
+                             .rolling_friction_root = std::sqrt(static_cast<float>(m.rolling_friction)),
+                             .restitution = static_cast<float>(m.restitution)}};
 }
 
 std::array<float, 3> to_array(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
@@ -53,7 +53,7 @@ NativeEngine::NativeEngine(const scene::SceneSpec& scene, surface::Field& field,
              {.gravity = settings_.gravity,
               .dt_s = settings_.dt_s,
               .substeps = settings_.substeps,
-              .field_friction_root = settings_.field_friction_root},
+              .field_material = settings_.field_material},
              rest_scale(scene), scene.world.sleep),
       collision_(field_, settings_.dt_s, settings_.substeps, ground_height(scene, unit_)),
       elastic_skin_(settings_.dt_s, settings_.gravity.z(), settings_.substeps),
@@ -95,11 +95,11 @@ bool NativeEngine::remove(scene::ObjectId id) {
   return true;
 }
 
-bool NativeEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& placement) {
+bool NativeEngine::set_state(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   const int index = bodies_.find(id);
   if (index < 0) return false;
   wake_with_neighbours(index);
-  bodies_.apply_placement(index, unit_.to_world(placement));
+  bodies_.set_state(index, unit_.to_world(update));
   return true;
 }
 
@@ -203,7 +203,7 @@ std::vector<ContactPoint> NativeEngine::contacts() const {
   const auto add_contacts = [&](const Manifold& m, std::span<const Contact> contacts) {
     for (const Contact& c : contacts) {
       const std::int32_t other = other_body(m, c);
-      if (c.total_normal_impulse <= 0.0F || c.partner == Partner::kSupportedCell) continue;
+      if (c.total_normal_impulse <= 0.0F || c.is_in_patch()) continue;
       out.push_back({unit_.to_scene(Vec3(bodies_.position[m.a] + c.anchor)), c.normal,
                      unit_.to_scene(c.total_normal_impulse), bodies_.id[m.a],
                      other >= 0 ? std::optional(bodies_.id[other]) : std::nullopt});

@@ -37,7 +37,7 @@ class NativeEngine final : public Engine {
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;
-  bool place(scene::ObjectId, const scene::ObjectStateUpdate&) override;
+  bool set_state(scene::ObjectId, const scene::ObjectStateUpdate&) override;
   bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
                    double duration_s) override;
   scene::ObjectState state(scene::ObjectId) const override;
@@ -151,7 +151,7 @@ class NativeEngine final : public Engine {
   SkinSolver elastic_skin_;
   CellForceLimits force_limits_;
   JamRelief jam_relief_;
-  std::vector<DeepContact> deep_bodies_;
+  std::vector<JammedBody> jammed_bodies_, strained_bodies_;
   bool lowered_speeds_ = false;  // in this step
   bool has_wrenches_ = false;    // since the last step
   struct Load {
@@ -160,7 +160,8 @@ class NativeEngine final : public Engine {
   };
   std::vector<Load> cell_impulses_;  // one per static contact
   bool writes_when_asked_ = false;
-  // Whether the loads of support patches have not been found since the last step, nor Field::impulse written.
+  // True if the loads of support patches have yet to be found since the last step, and Field::impulse
+  // written.
   mutable bool lacks_loads_ = false;
   bool lacks_impulses_ = false;
   // Cells on which active bodies had an impulse in the last step, and on which sleepers have one; impulse of

@@ -237,12 +237,23 @@ void NativeEngine::solve(const Member& member) {
   const ImpactSolver::HasRoom has_room = [this](std::int32_t body, std::int32_t partner, float reach) {
     return collision_.has_room(bodies_, body, partner, reach);
   };
-  solver_->step(
-      bodies_,
-      {collision_.partition(), pair_contacts_, static_contacts_, collision_.pair_ranges(),
-       collision_.static_ranges(), collision_.supports(), force_limits_.limits(), has_wrenches_, joints_,
-       tips_, elastic_skin_, has_room, !field_.surface_spin.empty(), !lacks_loads_, jam_relief_.min_depth()},
-      member);
+  solver_->step(bodies_,
+                {.partition = collision_.partition(),
+                 .pair_contacts = pair_contacts_,
+                 .static_contacts = static_contacts_,
+                 .pair_ranges = collision_.pair_ranges(),
+                 .static_ranges = collision_.static_ranges(),
+                 .supports = collision_.supports(),
+                 .cell_limits = force_limits_.limits(),
+                 .has_wrenches = has_wrenches_,
+                 .joints = joints_,
+                 .tips = tips_,
+                 .skin = elastic_skin_,
+                 .has_room = has_room,
+                 .has_surface_spin = !field_.surface_spin.empty(),
+                 .finds_loads = !lacks_loads_,
+                 .min_jam_depth = jam_relief_.min_depth()},
+                member);
 }
 
 // A body that was swept against others may still enter one: once it has hit something it moves on another
@@ -375,28 +386,28 @@ void NativeEngine::yield_overloaded_cells() {
 }
 
 void NativeEngine::relieve_jams() {
-  const auto stall_cells = [this](std::span<const DeepContact> deep) {
+  const auto stall_cells = [this](std::span<const JammedBody> jammed) {
     lowered_speeds_ |=
-        jam_relief_.stall_cells(deep, static_contacts_, collision_.supports(), bodies_, field_);
+        jam_relief_.stall_cells(jammed, static_contacts_, collision_.supports(), bodies_, field_);
   };
   // All members' lists at once: a body may be in several of them, which depends on the number of threads.
-  deep_bodies_.clear();
-  for (const std::vector<DeepContact>& deep : solver_->deep_contacts())
-    deep_bodies_.insert(deep_bodies_.end(), deep.begin(), deep.end());
-  stall_cells(deep_bodies_);
-  deep_bodies_.clear();
-  joints_.find_strained(bodies_, jam_relief_.min_depth(), deep_bodies_);
-  if (deep_bodies_.empty()) return;
-  jam_relief_.spread(deep_bodies_, pair_contacts_, bodies_);
-  stall_cells(deep_bodies_);
+  jammed_bodies_.clear();
+  for (const std::vector<JammedBody>& jammed : solver_->jammed_bodies())
+    jammed_bodies_.insert(jammed_bodies_.end(), jammed.begin(), jammed.end());
+  stall_cells(jammed_bodies_);
+  strained_bodies_.clear();
+  joints_.find_strained(bodies_, jam_relief_.min_depth(), strained_bodies_);
+  if (strained_bodies_.empty()) return;
+  jam_relief_.spread(strained_bodies_, pair_contacts_, bodies_);
+  stall_cells(strained_bodies_);
 }
 
 // Joints pull together what is apart without giving it a velocity.
 void NativeEngine::keep_strained_awake() {
   constexpr float kMaxRestStrain = 0.02F;  // u
-  deep_bodies_.clear();
-  joints_.find_strained(bodies_, kMaxRestStrain, deep_bodies_);
-  for (const DeepContact& strained : deep_bodies_) bodies_.sleep_timer_s[strained.body] = 0.0F;
+  strained_bodies_.clear();
+  joints_.find_strained(bodies_, kMaxRestStrain, strained_bodies_);
+  for (const JammedBody& strained : strained_bodies_) bodies_.sleep_timer_s[strained.body] = 0.0F;
 }
 
 void NativeEngine::put_to_sleep() {

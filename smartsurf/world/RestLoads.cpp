@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "smartsurf/world/contact/ContactMaterial.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -18,7 +20,6 @@ constexpr std::size_t kMaxIncomplete = 32;
 constexpr double kBalanced = 2e-4;   // what forces may lack, relative to a body's weight
 constexpr double kTolerance = 1e-6;  // of the solution, relative to the weight of the island
 constexpr int kMaxRounds = 12;
-constexpr float kTouchingSeparation = 1e-3F;  // u
 // Weights of components, relative to that of their normal: an object that trembles lifts rather than slips.
 constexpr double kTangentWeight = 0.1, kRollingWeight = 0.01, kTouchingWeight = 0.1;
 
@@ -33,9 +34,9 @@ void RestLoads::balance(const BodyStore& bodies, std::span<const std::int32_t> f
                         const ContactList& pair_contacts, SleepingContacts& contacts) {
   if (settings_.gravity.isZero(0.0F)) return;
   find_touches(bodies, pair_contacts);
-  place_.assign(bodies.asleep.size(), -1);
+  index_of_body_.assign(bodies.asleep.size(), -1);
   for (const std::int32_t body : fallen) {
-    if (place_[body] >= 0) continue;
+    if (index_of_body_[body] >= 0) continue;
     if (!collect_island(bodies, body, contacts) || is_incomplete()) continue;
     add_rows(bodies, contacts);
     add_weight_and_neighbours(bodies, pair_contacts);
@@ -60,7 +61,7 @@ std::span<const RestLoads::Touch> RestLoads::touches_of(std::int32_t body) const
   return {begin, std::ranges::upper_bound(begin, touches_.end(), body, {}, &Touch::sleeper)};
 }
 
-// What lies on a large island has yet to fall asleep, or goes away: then its loads change again.
+// True if bodies on a large island are awake: once they sleep or leave, its loads change again.
 bool RestLoads::is_incomplete() const {
   return island_.size() > kMaxIncomplete &&
          std::ranges::any_of(island_, [this](std::int32_t body) { return !touches_of(body).empty(); });
@@ -69,13 +70,13 @@ bool RestLoads::is_incomplete() const {
 // The sleepers that touch each other. Returns whether their loads are found here.
 bool RestLoads::collect_island(const BodyStore& bodies, std::int32_t from, const SleepingContacts& contacts) {
   island_.assign(1, from);
-  place_[from] = 0;
+  index_of_body_[from] = 0;
   bool has_joints = false;
   for (std::size_t k = 0; k < island_.size(); ++k) {
     has_joints |= bodies.is_jointed[island_[k]] != 0;
     contacts.for_each_neighbour(island_[k], [&](std::int32_t other) {
-      if (place_[other] >= 0 || !bodies.asleep[other]) return;
-      place_[other] = static_cast<std::int32_t>(island_.size());
+      if (index_of_body_[other] >= 0 || !bodies.asleep[other]) return;
+      index_of_body_[other] = static_cast<std::int32_t>(island_.size());
       island_.push_back(other);
     });
   }
@@ -96,7 +97,7 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
     contacts.for_each_contact_of(body, [&](const Manifold& m, Contact& c) {
       if (m.a != body) return;  // that body's turn
       add_contact(bodies, m, c);
-      if (c.partner != Partner::kSupportedCell && c.partner != Partner::kElasticTop) return;
+      if (!c.is_in_patch()) return;
       normal += c.normal;
       moment += to_double(c.anchor).cross(to_double(c.normal)) * static_cast<double>(c.total_normal_impulse);
       limit = std::min(limit, c.max_cell_impulse);
@@ -107,7 +108,7 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
       if (p.is_elastic) return;
       // A sample bears at the middle of an area, of which a body that overhangs may touch the rim alone: what
       // the moment of the loads then lacks of that at the points stays.
-      const std::int32_t place = place_[body];
+      const std::int32_t place = index_of_body_[body];
       const std::size_t end = rows_.size();
       Row& rest = add_row(place, -1);
       rest.start = rest.impulse = 1.0;
@@ -126,7 +127,7 @@ RestLoads::Row& RestLoads::add_row(std::int32_t a, std::int32_t b) {
 }
 
 void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact& c) {
-  const std::int32_t a = place_[m.a], b = m.b >= 0 ? place_[m.b] : -1, other = other_body(m, c);
+  const std::int32_t a = index_of_body_[m.a], b = m.b >= 0 ? index_of_body_[m.b] : -1;
   const Vec3 anchor_a = bodies.is_sphere[m.a] ? Vec3(-bodies.bounding_radius[m.a] * c.normal) : c.anchor;
   Vec3 anchor_b = Vec3::Zero();
   if (b >= 0)
@@ -143,8 +144,8 @@ void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact&
     if (b >= 0) fill(r.on_b, anchor_b, -1.0, b);
     return r;
   };
-  // The load of a supported cell is that of a sample. Its point still has a share of the friction.
-  const bool has_load = c.partner != Partner::kSupportedCell && c.partner != Partner::kElasticTop;
+  // The load in a patch is that of a sample. The point still has a share of the friction.
+  const bool has_load = !c.is_in_patch();
   const auto substeps = static_cast<float>(settings_.substeps);
   const auto normal = static_cast<std::int32_t>(rows_.size());
   if (has_load) {
@@ -155,8 +156,7 @@ void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact&
     r.touches = c.separation < kTouchingSeparation;
   }
   const float friction =
-      bodies.surface_material[m.a].friction_root *
-      (other >= 0 ? bodies.surface_material[other].friction_root : settings_.field_friction_root);
+      friction_of(bodies.surface_material[m.a], material_of_b(bodies, settings_.field_material, m, c));
   const Vec3 t = c.normal.unitOrthogonal(), u = c.normal.cross(t);
   for (const Vec3& axis : {t, u}) {
     if (friction == 0.0F) break;
@@ -178,7 +178,7 @@ void RestLoads::add_contact(const BodyStore& bodies, const Manifold& m, Contact&
 }
 
 void RestLoads::add_patch(SupportPatch& p, SupportSamples& s, const Vec3& normal, float limit) {
-  const std::int32_t a = place_[p.body];
+  const std::int32_t a = index_of_body_[p.body];
   const Vec3d d = to_double(normal);
   for (Index i = p.first; i < p.first + p.count; ++i) {
     Row& r = add_row(a, -1);
@@ -191,7 +191,7 @@ void RestLoads::add_patch(SupportPatch& p, SupportSamples& s, const Vec3& normal
   }
 }
 
-// What the impulses are to balance, and what they lack.
+// Sets the loads that the impulses are to balance, and what they lack.
 void RestLoads::add_weight_and_neighbours(const BodyStore& bodies, const ContactList& pair_contacts) {
   load_.assign(island_.size(), Vector6{});
   own_weight_.clear();
@@ -286,7 +286,7 @@ bool RestLoads::find_impulses() {
   if (!matrix_.factor()) return false;
   double scale = 0.0;
   for (const double weight : own_weight_) scale += weight;
-  // What the diagonal has too much of makes these steps converge, not end at once.
+  // Iterative refinement: the matrix has a little more on the diagonal than the equations.
   double lacks = std::numeric_limits<double>::infinity();
   while (true) {
     work_ += island_.size();
@@ -339,10 +339,11 @@ void RestLoads::add_free_rows() {
     matrix_.add(b, b, weight, on_b, on_b);
     matrix_.add(a, b, weight, on_a, on_b);
   }
-  constexpr double kMore = 1e-9;
+  constexpr double kDiagonalRegularisation = 1e-9;
   for (std::size_t i = 0; i < trace_.size(); ++i)
     for (int k = 0; k < LargeBlockCholesky::kSize; ++k)
-      matrix_.add_to_diagonal(static_cast<int>(i), k, k, kMore * std::max(trace_[i], 1e-30));
+      matrix_.add_to_diagonal(static_cast<int>(i), k, k,
+                              kDiagonalRegularisation * std::max(trace_[i], 1e-30));
 }
 
 }  // namespace smartsurf::world

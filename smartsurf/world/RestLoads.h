@@ -26,7 +26,7 @@ class RestLoads {
     Vec3 gravity{0, 0, 0};
     float dt_s = 0.0F;
     int substeps = 1;
-    float field_friction_root = 1.0F;
+    SurfaceMaterial field_material{};
   };
   explicit RestLoads(const Settings& settings) : settings_(settings) {}
 
@@ -77,8 +77,9 @@ class RestLoads {
 
   Settings settings_;
   std::size_t work_ = 0;
-  std::vector<Touch> touches_;                // ascending
-  std::vector<std::int32_t> island_, place_;  // bodies; by body: place in the island, −1: in none
+  std::vector<Touch> touches_;               // ascending
+  std::vector<std::int32_t> island_;         // bodies
+  std::vector<std::int32_t> index_of_body_;  // in island_; −1: in none
   std::vector<double> radius_, inverse_radius_, own_weight_;
   std::vector<Row> rows_;
   std::vector<Vector6> load_, residual_, change_;

@@ -42,8 +42,7 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
   const std::size_t contacts_before = contact_count();
   results.end_of_pairs = results.pair_contacts.manifolds.size() + max_pairs_;
   try {
-    for (const std::int32_t p : partition_.body_runs_of(slab)) {
-      const Index i = p;
+    for (const std::int32_t i : partition_.body_runs_of(slab)) {
       begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
       if (slab + 1 == partition_.slab_count())
         collide_large_bodies(bodies, results);
@@ -177,8 +176,8 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
   Manifold& manifold = results.static_contacts.manifolds.back();
   std::vector<Contact>& list = results.static_contacts.contacts;
   const auto contacts = std::span(list).subspan(manifold.first, field_contacts);
-  if (!add_support_patch(field_, collider_.free_layout(), *bodies.shape[i], static_cast<std::int32_t>(i),
-                         bodies.position[i], bodies.origin(i), bodies.axes[i], margin, contacts, supports))
+  if (!add_support_patch(field_, collider_.free_layout(), bodies, static_cast<std::int32_t>(i), margin,
+                         contacts, supports))
     return;
   SupportPatch& patch = supports.patches.back();
   if (patch.has_shares)

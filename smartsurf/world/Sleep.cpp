@@ -242,7 +242,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(),
                                      [&b](std::int32_t i) { return b.sleep_timer_s[i] >= kTimeToSleep_s; });
   if (!is_enabled_ || (!any_ready && !any_asleep())) return;
-  // What these hold of sleepers and static bodies is not read.
+  // Entries of sleepers and static bodies are not read.
   has_active_neighbour_.resize(b.asleep.size());
   is_supported_.resize(b.asleep.size());
   std::vector<char>& is_supported = is_supported_;
@@ -316,8 +316,8 @@ void Sleep::keep_pushed_awake(BodyStore& b, const std::vector<std::int32_t>& act
   }
 }
 
-// What lies on a body that cannot sleep yet, at whatever height, stays awake as well: a sleeper bears itself,
-// and would take its weight off those below. So does what joints connect with it.
+// Bodies that lie on one that cannot sleep yet, at whatever height, stay awake as well: a sleeper bears
+// itself, and would take its weight off those below. So do bodies that joints connect with it.
 void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_contacts) {
   const auto stays_awake = [&](std::size_t i) {
     return b.is_active(i) && (has_active_neighbour_[i] || b.sleep_timer_s[i] < kTimeToSleep_s);

@@ -105,7 +105,7 @@ class Sleep {
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
   bool cell_moves(Index cell) const;
-  // Whether any of the cells [first, first + count) moves.
+  // True if any of the cells [first, first + count) moves.
   bool any_moves(std::size_t first, std::size_t count) const;
   IndexRange find_moving_columns(int row) const;
   bool any_cell_moves(const CellRect&) const;

@@ -1,7 +1,12 @@
-// The times of a step's substeps.
+// The number of a step's substeps and their times.
 #pragma once
 
+#include <algorithm>
+
 namespace smartsurf::world {
+
+// `iterations`: world.iterations of the scene.
+inline int substeps_of(int iterations) { return std::max(1, (iterations + 1) / 2); }
 
 // The mean of the times at which the substeps begin, from the start of the step, s. Impulses act then on
 // average.

@@ -239,7 +239,7 @@ class OnBody : public testing::TestWithParam<int> {
   static void turn(PhysicsFixture& fixture, scene::ObjectId carrier, double rate) {
     scene::ObjectStateUpdate turning;
     turning.angular_velocity = Eigen::Vector3d(0, 0, rate);
-    fixture.world().place(carrier, turning);
+    fixture.world().set_state(carrier, turning);
   }
   // The mean distance of a rectangle's points from its middle.
   static double mean_radius_of(double length, double width) {

@@ -255,13 +255,13 @@ TEST_P(CentreOfMass, PlacingSetsTheOrigin) {
   scene::ObjectStateUpdate turn;
   turn.orientation = turned;
   turn.angular_velocity = Vector3d(0, 2, 0);
-  world.place(0, turn);
+  world.set_state(0, turn);
   auto state = world.state(0);
   EXPECT_LT((state.position - Vector3d(15, 15, 50)).norm(), 1e-5);
   EXPECT_LT((state.velocity - Vector3d(1, 0, 0)).norm(), 1e-5);
   scene::ObjectStateUpdate move;
   move.position = Vector3d(3, 4, 40);
-  world.place(0, move);
+  world.set_state(0, move);
   state = world.state(0);
   EXPECT_LT((state.position - Vector3d(3, 4, 40)).norm(), 1e-5);
   EXPECT_GT(state.orientation.dot(turned), 0.9999);

@@ -153,7 +153,7 @@ TEST_P(Engines, ForcesAndPlacesAndRemovals) {
   scene::ObjectStateUpdate update;
   update.position = Eigen::Vector3d(3, 4, 7);
   update.velocity = Eigen::Vector3d(0, 0, 1);
-  EXPECT_TRUE(p.world().place(b, update));
+  EXPECT_TRUE(p.world().set_state(b, update));
   p.run(0.5);
   EXPECT_NEAR(p.position(b).z(), 7.5, 1e-3);
   EXPECT_TRUE(p.world().remove(a));

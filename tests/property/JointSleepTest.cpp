@@ -99,7 +99,7 @@ TEST(JointSleep, StrainedJointStaysAwake) {
     fixture.run(1.0);
     smartsurf::scene::ObjectStateUpdate up;
     up.position = Vector3d(15, 15, 60);
-    fixture.world().place(support, up);
+    fixture.world().set_state(support, up);
     fixture.run(8.0);
     EXPECT_NEAR(fixture.world().state(bob).position.z(), 58.0, 0.03);
   }

@@ -97,7 +97,7 @@ Track run_scene(double unit) {
     scene::ObjectStateUpdate lifted;
     lifted.position = fixture.world().state(id).position + Eigen::Vector3d(0, 2 * unit, 0);
     lifted.velocity = Eigen::Vector3d(0, 0, 0);
-    fixture.world().place(id, lifted);
+    fixture.world().set_state(id, lifted);
   }
   fixture.run(0.2, record);
   fixture.run(4.0);

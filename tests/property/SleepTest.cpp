@@ -126,7 +126,7 @@ TEST(Sleep, PlacementWakes) {
   SleepingBoxFixture fixture;
   smartsurf::scene::ObjectStateUpdate up;
   up.position = Eigen::Vector3d(15, 15, 6);
-  fixture.world().place(fixture.id, up);
+  fixture.world().set_state(fixture.id, up);
   fixture.run(0.3);
   EXPECT_NEAR(fixture.position(fixture.id).z(), 6 - 0.5 * 9.81 * 0.09, 0.05);
 }
@@ -264,7 +264,7 @@ TEST(Sleep, WhatLiesOnAWokenBodyPressesOnIt) {
       case 1: {
         smartsurf::scene::ObjectStateUpdate aside;
         aside.position = Eigen::Vector3d(3, 3, 0.5);
-        fixture.world().place(weights[0], aside);
+        fixture.world().set_state(weights[0], aside);
         break;
       }
       case 2:

@@ -107,7 +107,7 @@ TEST(SleepingPile, CostIsThatOfWhatMoves) {
   up.position =
       top.cast<double>() + Eigen::Vector3d(0, 0, 1.0 + towers.heights[12] / (2.0 * kBoxes - 1.0) + 0.001);
   up.velocity = Eigen::Vector3d::Zero();
-  towers.world().place(ball, up);
+  towers.world().set_state(ball, up);
   towers.run(0.05, [&] {
     const NativeEngine::StepWork work = towers.engine().step_work();
     ASSERT_LE(work.active, 1U + kBoxes);

@@ -206,7 +206,7 @@ TEST_P(Tilt, RollLowersTheSouthAndHeaveLifts) {
   scene::ObjectStateUpdate middle;
   middle.position = {0, 0, 1};
   middle.velocity = middle.angular_velocity = Eigen::Vector3d::Zero();
-  fixture.world().place(id, middle);
+  fixture.world().set_state(id, middle);
   command(fixture, 0, 1.0);
   fixture.run(2.0);
   EXPECT_NEAR(fixture.position(id).z(), 2.0, 3e-3);

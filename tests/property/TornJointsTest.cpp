@@ -79,7 +79,7 @@ struct TornTree : JointFixture {
     if (how != 0)
       update.orientation = Eigen::Quaterniond(
           Eigen::AngleAxisd(angle, how == 1 && random() % 2 == 0 ? Vector3d::UnitX() : Vector3d::UnitZ()));
-    world().place(id, update);
+    world().set_state(id, update);
   }
   double greatest_speed() {
     double greatest = 0;
@@ -157,7 +157,7 @@ TEST_P(TornJoints, PairsKeepTheirMomentum) {
     EXPECT_LT(pair.greatest_gap(), 0.01);
     smartsurf::scene::ObjectStateUpdate spin;
     spin.angular_velocity = {1, -1, 2};
-    pair.world().place(1, spin);
+    pair.world().set_state(1, spin);
     pair.run(GetParam());  // the joint takes what it does not allow
     const auto [momentum, energy] = pair.angular_momentum_and_energy();
     pair.run(1.0);

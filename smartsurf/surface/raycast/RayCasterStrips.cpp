@@ -89,10 +89,9 @@ void RayCaster::build_pin_intervals(const Field& field) {
       const auto from = s.x.begin() + s.first[strip], to = s.x.begin() + s.first[strip + 1];
       for (auto it = std::lower_bound(from, to, low_x); it != to && *it <= high_x; ++it) {
         const int cell = s.cell[it - s.x.begin()];
-        const std::size_t i = cell;
         if (cell == s.cell[k] && clears_own_pin()) continue;
-        const PlanarRotation to_pin_frame(-angle_of(field, i));
-        const float px = s.x[k] - field.x[i], py = s.y[k] - field.y[i];
+        const PlanarRotation to_pin_frame(-angle_of(field, cell));
+        const float px = s.x[k] - field.x[cell], py = s.y[k] - field.y[cell];
         TInterval t{0.0F, range};
         if (clip_slab(to_pin_frame.rotate_x(px, py), to_pin_frame.rotate_x(s.dx[k], s.dy[k]),
                       field.half_top_x, t) &&

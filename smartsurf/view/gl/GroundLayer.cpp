@@ -22,7 +22,7 @@ constexpr double kOcclusionMargin = 6.0;                 // u; as in kGroundFrag
 GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass)
     : occluded_area_(surface_bounding_box(surface).min().head<2>().array() - kOcclusionMargin,
                      surface_bounding_box(surface).max().head<2>().array() + kOcclusionMargin),
-      ground_z_(static_cast<float>(ground_height(surface))),
+      ground_z_(static_cast<float>(surface.ground_height())),
       half_extent_(static_cast<float>(ground_half_edge(surface))),
       grid_spacing_(static_cast<float>(grid_spacing(surface))),
       vertex_array_(make_vertex_array()),

@@ -46,7 +46,7 @@ void append_face(std::vector<GLuint>& indices, std::size_t pin, std::size_t face
 PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
     : pin_size_{prism_half_edges(s)[0], prism_half_edges(s)[1], static_cast<float>(s.pin.length),
                 static_cast<float>(s.pitch)},
-      ground_z_(static_cast<float>(ground_height(s))),
+      ground_z_(static_cast<float>(s.ground_height())),
       max_side_depth_(max_side_depth(s, colour_pass)),
       level_tolerance_(static_cast<float>(kLevelTolerance * s.pitch)),
       sealed_(s.cell_poses.empty()),

@@ -238,7 +238,7 @@ void Renderer::State::draw_colour_pass(const Camera& camera, const DrawOptions& 
     objects.draw_static_boxes(colour_pass, static_cast<int>(static_box_count));
   report_stage("objects");
   if (spec.world.ground)
-    ground.draw_ground(options.grid, shadow.shadow_footprint(ground_height(spec.surface)));
+    ground.draw_ground(options.grid, shadow.shadow_footprint(spec.surface.ground_height()));
   glDepthFunc(GL_LEQUAL);  // the backdrop lies on the far plane
   ground.draw_backdrop();
   glDepthFunc(GL_LESS);

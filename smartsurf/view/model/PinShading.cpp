@@ -24,10 +24,6 @@ float sky_occlusion(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(
 
 }  // namespace
 
-double ground_height(const scene::SurfaceSpec& surface) {
-  return surface.pin.min_height - surface.pin.length;
-}
-
 int prisms_per_cell(const scene::SurfaceSpec& surface) { return surface.has_hexagonal_tops() ? 3 : 1; }
 
 std::array<float, 2> prism_half_edges(const scene::SurfaceSpec& surface) {
@@ -38,7 +34,7 @@ std::array<float, 2> prism_half_edges(const scene::SurfaceSpec& surface) {
 
 PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
-      base_(static_cast<float>(ground_height(surface))),
+      base_(static_cast<float>(surface.ground_height())),
       wall_height_(static_cast<float>(
           surface.pin.min_height +
           kLoweredWall * (surface.border_height.value_or(surface.pin.max_height) - surface.pin.min_height))),

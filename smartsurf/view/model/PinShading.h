@@ -82,7 +82,4 @@ class PinShading {
   std::vector<PinInstance> pins_;
 };
 
-// z of the ground, on which the pins stand, u.
-double ground_height(const scene::SurfaceSpec& surface);
-
 }  // namespace smartsurf::view

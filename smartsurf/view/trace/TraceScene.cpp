@@ -228,7 +228,7 @@ void TraceScene::State::add_pins(std::span<const PinInstance> instances, float c
   const scene::SurfaceSpec& s = spec.surface;
   const auto [half_x, half_y] = prism_half_edges(s);
   pin_mesh = PinMesh(half_x, half_y, cell_px < 20.0F ? 1 : cell_px < 80.0F ? 2 : 4);
-  const auto ground = static_cast<float>(ground_height(s));
+  const auto ground = static_cast<float>(s.ground_height());
   RTCGeometry geometry = rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
   auto* position =
       static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -258,7 +258,7 @@ void TraceScene::State::close_outermost_gaps() {
   if (!s.cell_poses.empty()) return;
   scene::ObjectSpec box;
   box.shape = ShapeKind::kBox;
-  const auto ground = static_cast<float>(ground_height(s)), half_pitch = static_cast<float>(s.pitch / 2.0),
+  const auto ground = static_cast<float>(s.ground_height()), half_pitch = static_cast<float>(s.pitch / 2.0),
              thickness = 0.2F * static_cast<float>(std::min(s.pin.top_x, s.pin.top_y));
   const auto edge_x = (static_cast<float>(s.columns) - 1.5F) * static_cast<float>(s.pitch),
              edge_y = (static_cast<float>(s.rows) - 1.5F) * static_cast<float>(s.pitch);
@@ -369,7 +369,7 @@ void TraceScene::State::add_actuators() {
 void TraceScene::State::add_ground() {
   if (!spec.world.ground) return;
   const auto half = static_cast<float>(ground_half_edge(spec.surface)),
-             z = static_cast<float>(ground_height(spec.surface));
+             z = static_cast<float>(spec.surface.ground_height());
   const float corners[] = {-half, -half, z, half, -half, z, half, half, z, -half, half, z};
   static constexpr std::uint32_t kTriangles[] = {0, 1, 2, 0, 2, 3};
   parts[attach(triangles(corners, 4, 3, kTriangles), kOpaque)] = {Part::Kind::kGround, 0};

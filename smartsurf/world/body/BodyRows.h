@@ -1,5 +1,4 @@
-// What the vector kernels read and write of a body: rows of eight floats, which they load and transpose into
-// lanes.
+// The rows of a body for the vector kernels: eight floats each, which they load and transpose into lanes.
 #pragma once
 
 #include "smartsurf/world/body/Vec.h"

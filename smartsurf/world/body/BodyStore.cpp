@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -140,7 +141,7 @@ int BodyStore::find(scene::ObjectId wanted) const {
   return it != id.end() && *it == wanted ? static_cast<int>(it - id.begin()) : -1;
 }
 
-void BodyStore::apply_placement(std::size_t i, const scene::ObjectStateUpdate& p) {
+void BodyStore::set_state(std::size_t i, const scene::ObjectStateUpdate& p) {
   const Vec3 old_origin = origin(i), old_velocity = origin_velocity(i);
   if (p.position) position[i] = p.position->cast<float>(), position_remainder[i].setZero();
   if (p.orientation) orientation[i] = p.orientation->cast<float>().normalized();
@@ -260,8 +261,9 @@ Vec3 BodyStore::turn_in_step(std::size_t i, const BodyVelocity& solved, const De
   const Eigen::Vector3d axis = turned.vec() / sine;
   const double angle = 2.0 * std::atan2(sine, turned.w());
   // Several whole turns look alike.
-  const double turns = std::round((axis.dot(Vec3(delta.rotation).cast<double>()) - angle) / (2.0 * M_PI));
-  return ((angle + 2.0 * M_PI * turns) * axis).cast<float>();
+  const double turns =
+      std::round((axis.dot(Vec3(delta.rotation).cast<double>()) - angle) / (2.0 * std::numbers::pi));
+  return ((angle + 2.0 * std::numbers::pi * turns) * axis).cast<float>();
 }
 
 void BodyStore::integrate_rotations(std::span<const Rotating> bodies) {

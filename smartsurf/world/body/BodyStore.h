@@ -20,10 +20,11 @@ namespace smartsurf::world {
 
 struct RotationBatch;
 
-// What contact preparation reads of a body, in one cache line. Friction is stored as a square root, so that
+// Of a body, as read by contact preparation, in one cache line. Friction is stored as a square root, so that
 // the product of two entries is the geometric mean of the coefficients.
 struct SurfaceMaterial {
   float radius, friction_root, rolling_friction_root, restitution;
+  bool operator==(const SurfaceMaterial&) const = default;
 };
 
 // Principal moments of inertia about the centre of mass and, in body axes, the directions of the least and
@@ -54,7 +55,7 @@ struct BodyLink {
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass, u
-  // What rounding has kept from the position, u: far from the origin, the motion of a slow body in a step is
+  // Rounding error of the position, u: far from the origin, the motion of a slow body in a step is
   // less than its last bit.
   std::vector<Vec3> position_remainder;
   std::vector<Quat> orientation;
@@ -131,7 +132,7 @@ struct BodyStore {
   // Index of the body, or −1.
   int find(scene::ObjectId) const;
   // Sets the values that are present, of the origin; ignores velocities of a static body.
-  void apply_placement(std::size_t index, const scene::ObjectStateUpdate&);
+  void set_state(std::size_t index, const scene::ObjectStateUpdate&);
   // Recomputes axes, world inertia and rotation_state from orientation and angular velocity.
   void update_axes(std::size_t index);
   // Inverse moment of inertia of a dynamic sphere.

@@ -148,10 +148,9 @@ void SpatialPartition::assign_rows(const BodyStore& bodies, const UniformGrid& g
     const IndexRange rows = rows_of(s);
     int active_end = rows.begin, inactive_begin = rows.end;
     auto assign = [&](std::int32_t body) {
-      const Index i = body;
-      const int row = bodies.is_active(i) ? active_end++ : --inactive_begin;
+      const int row = bodies.is_active(body) ? active_end++ : --inactive_begin;
       body_of_row_[row] = body;
-      row_of_body_[i] = row;
+      row_of_body_[body] = row;
     };
     for (const std::int32_t p : body_runs_of(s)) {
       const BodyRun& run = body_run_[p];

@@ -115,8 +115,7 @@ void UniformGrid::sort_dense(const Input& in, const Member& member) {
 // A radix sort by cell, stable over the bodies in ascending order.
 void UniformGrid::sort_sparse(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   const auto nx = static_cast<std::uint64_t>(cell_count_[0]), ny = static_cast<std::uint64_t>(cell_count_[1]);
-  for (const std::int32_t body : own) {
-    const Index i = body;
+  for (const std::int32_t i : own) {
     if (is_large_[i]) continue;
     const Vec3& p = in.position[i];
     const auto x = static_cast<std::uint64_t>(cell_of(p.x(), 0)),
@@ -138,12 +137,11 @@ void UniformGrid::compute_bounds(const Input& in, std::span<const std::int32_t> 
   state.max_radius = 1e-3F;
   state.small.clear();
   state.large.clear();
-  for (const std::int32_t body : own) {
-    const Index i = body;
+  for (const std::int32_t i : own) {
     const bool large = in.radius[i] > in.large_radius || !in.position[i].allFinite();
     // Rarely written, so that the members' caches share it.
     if (is_large_[i] != large) is_large_[i] = large;
-    (large ? state.large : state.small).push_back(body);
+    (large ? state.large : state.small).push_back(i);
     if (large) continue;
     state.low = state.low.cwiseMin(in.position[i]);
     state.high = state.high.cwiseMax(in.position[i]);

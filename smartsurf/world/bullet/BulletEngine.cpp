@@ -144,7 +144,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
     : field(f),
       ids(object_ids),
       field_surface(parameters_of(scene.materials[scene.surface.material])),
-      substeps(std::max(1, (scene.world.iterations + 1) / 2)),
+      substeps(substeps_of(scene.world.iterations)),
       cells(world, f,
             scene.surface.max_top_height() - scene.surface.pin.min_height + scene.surface.pin.length) {
   substep_s = scene.world.dt_s / substeps;
@@ -163,8 +163,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
   info.m_restitutionVelocityThreshold = kRestitutionSpeed;
   if (scene.world.ground) {
     btRigidBody::btRigidBodyConstructionInfo ground_info(0.0, nullptr, &ground_shape);
-    ground_info.m_startWorldTransform.setOrigin(
-        {0, 0, scene.surface.pin.min_height - scene.surface.pin.length});
+    ground_info.m_startWorldTransform.setOrigin({0, 0, scene.surface.ground_height()});
     ground = std::make_unique<btRigidBody>(ground_info);
     ground->setUserIndex(kGroundIndex);
     world.addRigidBody(ground.get());
@@ -476,7 +475,7 @@ bool BulletEngine::remove(scene::ObjectId id) {
   return true;
 }
 
-bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
+bool BulletEngine::set_state(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
   const int index = find(id);
   if (index < 0) return false;
   Body& body = impl_->bodies[index];
@@ -616,9 +615,10 @@ void BulletEngine::step() {
   s.world.clearForces();
   if (field_.has_force_limit())
     for (const CellPool::Column& column : s.cells.columns()) {
-      const Index i = column.cell;
-      const auto moved = static_cast<float>((column.top - static_cast<double>(field_.height[i])) / dt_s_);
-      if (std::isfinite(field_.force_limit[i])) field_.speed[i] = std::min(field_.speed[i], moved);
+      const double height = field_.height[column.cell];
+      float& speed = field_.speed[column.cell];
+      if (std::isfinite(field_.force_limit[column.cell]))
+        speed = std::min(speed, static_cast<float>((column.top - height) / dt_s_));
     }
   for (std::size_t i = 0; i < ids_.size(); ++i) read_body(i);
   std::fill(wrenches_.begin(), wrenches_.end(), surface::Wrench{});

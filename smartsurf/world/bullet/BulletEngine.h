@@ -30,7 +30,7 @@ class BulletEngine final : public Engine {
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId) const override;
   bool remove(scene::ObjectId) override;
-  bool place(scene::ObjectId, const scene::ObjectStateUpdate&) override;
+  bool set_state(scene::ObjectId, const scene::ObjectStateUpdate&) override;
   bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
                    double duration_s) override;
   scene::ObjectState state(scene::ObjectId) const override;

@@ -39,7 +39,7 @@ class BulletJoint {
     return (b_ ? b_->getWorldTransform() : btTransform::getIdentity()) * frame_in_b_;
   }
   void update_equilibrium();
-  // What the constraint lacks along one of Bullet's axes: 0 to 2 linear, 3 to 5 angular.
+  // The error of the constraint along one of Bullet's axes: 0 to 2 linear, 3 to 5 angular.
   double error_along(int axis) const;
   void add_constraint(btTypedConstraint&, btJointFeedback&, bool collide);
   std::unique_ptr<btGeneric6DofSpring2Constraint> make_constraint() const;

@@ -119,9 +119,8 @@ void CellPool::select_near(std::span<const Box> boxes, double dt_s) {
   };
   for (const int cell : wanted_) {
     release_before(cell);
-    const Index i = cell;
-    Column column{cell, static_cast<double>(field_.height[i]), static_cast<double>(field_.speed[i]), 0.0,
-                  nullptr};
+    Column column{cell, static_cast<double>(field_.height[cell]), static_cast<double>(field_.speed[cell]),
+                  0.0, nullptr};
     const bool is_new = old == columns_.end() || old->cell != cell;
     column.body = is_new ? take_body(cell) : (old++)->body;
     update_body(column);

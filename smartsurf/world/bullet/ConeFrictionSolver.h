@@ -9,7 +9,7 @@
 
 namespace smartsurf::world {
 
-// What a contact point's m_userPersistentData refers to during a step.
+// Referred to by a contact point's m_userPersistentData during a step.
 struct ContactDetail {
   double rolling_friction = 0.0;  // lever arm, u
   int limited_cell = -1;          // index for set_cell_limits(); −1: no limit

@@ -11,7 +11,10 @@
 
 namespace smartsurf::world {
 
-// What a static contact of a body touches. Values from 0 up are indices of static bodies.
+// Contacts up to this separation count as touching where loads or blows are passed on, u.
+inline constexpr float kTouchingSeparation = 1e-3F;
+
+// The partner of a body in a static contact. Values from 0 up are indices of static bodies.
 enum class Partner : std::int32_t {
   kCell = -1,           // a column or a rigid tip
   kGround = -2,         // the plane under the field
@@ -59,8 +62,9 @@ struct Contact {
   }
   // True if the surface moves exactly as the cell `feature_id` does.
   bool moves_with_cell() const { return touches_cell() || partner == Partner::kSkin; }
-  // True if the impulse is a load of the cell `feature_id`. That on a supported cell is not: its patch has
-  // the loads.
+  // True if a support patch has the load of the cell, and the friction.
+  bool is_in_patch() const { return partner == Partner::kSupportedCell || partner == Partner::kElasticTop; }
+  // True if the impulse is a load of the cell `feature_id`.
   bool loads_cell() const {
     return partner == Partner::kCell || partner == Partner::kYieldingTip || touches_skin();
   }

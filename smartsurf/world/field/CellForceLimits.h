@@ -23,15 +23,15 @@ inline constexpr float kYieldingLoad = 0.95F;
 // The cell under a static contact, for the solver.
 struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s
-  // Distance to the first contact of its body on the cell, in contacts; kUnlimited: no limit applies.
-  std::int32_t to_first = kUnlimited;
+  // Distance to the first contact of its body on the cell, in contacts; kNoLimit: no limit applies.
+  std::int32_t to_first = kNoLimit;
   // For the first contact of a body on a cell: the number of such contacts, and the impulse that the cell
   // could give them in the step, set by the solver, mass·u/s.
   std::int32_t point_count = 0;
   float capacity = 0.0F;
 
-  static constexpr std::int32_t kUnlimited = 1;
-  bool is_limited() const { return to_first != kUnlimited; }
+  static constexpr std::int32_t kNoLimit = 1;
+  bool is_limited() const { return to_first != kNoLimit; }
 };
 
 class CellForceLimits {

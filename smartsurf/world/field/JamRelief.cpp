@@ -8,8 +8,9 @@
 namespace smartsurf::world {
 namespace {
 
-// A contact deeper than kHardDepth + kDepthPerStep * dt counts as jammed, u and u/s.
-constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
+// A body in a contact deeper than kHardDepth + kJamDepthRate_ups · dt counts as jammed.
+constexpr float kHardDepth = 4e-3F;  // u
+constexpr float kJamDepthRate_ups = 1.0F;
 // A cell retreats out of a contact deeper than that of the stall within this time, at most at
 // kMaxRetreatSpeed.
 constexpr float kRetreatTime_s = 0.05F;
@@ -24,7 +25,7 @@ constexpr float kMaxSideNormalZ = 0.1F;
 
 JamRelief::JamRelief(float dt_s)
     : dt_s_(dt_s),
-      min_depth_(kHardDepth + kDepthPerStep * dt_s),
+      min_depth_(kHardDepth + kJamDepthRate_ups * dt_s),
       hold_steps_(std::max(1, static_cast<int>(std::lround(kHoldTime_s / dt_s)))) {}
 
 bool JamRelief::hold_cells(surface::Field& field) {
@@ -32,16 +33,16 @@ bool JamRelief::hold_cells(surface::Field& field) {
   planned_speed_.resize(field.speed.size(), 0.0F);
   std::size_t kept = 0;
   for (const StalledCell& s : held_) {
-    const Index i = s.cell;
-    planned_speed_[i] = 0.0F;
-    held_of_cell_[i] = -1;
+    float& speed = field.speed[s.cell];
+    planned_speed_[s.cell] = 0.0F;
+    held_of_cell_[s.cell] = -1;
     if (s.steps_left == 0) continue;
-    planned_speed_[i] = field.speed[i];
+    planned_speed_[s.cell] = speed;
     if (!s.descends)
-      field.speed[i] = std::min(field.speed[i], s.speed);
-    else if (field.speed[i] < 0.0F)
-      field.speed[i] = std::max(field.speed[i], s.speed);
-    held_of_cell_[i] = static_cast<std::int32_t>(kept);
+      speed = std::min(speed, s.speed);
+    else if (speed < 0.0F)
+      speed = std::max(speed, s.speed);
+    held_of_cell_[s.cell] = static_cast<std::int32_t>(kept);
     held_[kept] = s;
     --held_[kept++].steps_left;
   }
@@ -74,10 +75,10 @@ void JamRelief::hold(const StalledCell& s) {
   if (is_of_this_step) old.speed = speed;
 }
 
-void JamRelief::spread(std::vector<DeepContact>& deep, const ContactList& pair_contacts,
+void JamRelief::spread(std::vector<JammedBody>& jammed, const ContactList& pair_contacts,
                        const BodyStore& bodies) {
   jam_.resize(bodies.id.size());
-  for (const DeepContact& d : deep) jam_[d.body].depth = d.depth;
+  for (const JammedBody& j : jammed) jam_[j.body].depth = j.depth;
   for (bool changed = true; changed;) {
     changed = false;
     for (const Manifold& m : pair_contacts.manifolds) {
@@ -88,28 +89,28 @@ void JamRelief::spread(std::vector<DeepContact>& deep, const ContactList& pair_c
         impulse += c.total_normal_impulse, upward += c.total_normal_impulse * c.normal.z();
       if (impulse <= 0.0F) continue;
       if (b.depth > 0.0F)
-        deep.push_back({m.a, a.depth = b.depth, upward < 0.0F});
+        jammed.push_back({m.a, a.depth = b.depth, upward < 0.0F});
       else
-        deep.push_back({m.b, b.depth = a.depth, upward > 0.0F});
+        jammed.push_back({m.b, b.depth = a.depth, upward > 0.0F});
       changed = true;
     }
   }
-  for (const DeepContact& d : deep) jam_[d.body] = {};
+  for (const JammedBody& j : jammed) jam_[j.body] = {};
 }
 
 void JamRelief::archive(common::StateArchive& a) { a(held_, held_of_cell_, planned_speed_); }
 
-bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const ContactList& static_contacts,
+bool JamRelief::stall_cells(std::span<const JammedBody> jammed, const ContactList& static_contacts,
                             std::span<const SupportPatches> supports, const BodyStore& bodies,
                             surface::Field& field) {
-  if (deep_contacts.empty()) return false;
+  if (jammed.empty()) return false;
   planned_speed_.resize(field.speed.size(), 0.0F);
   held_of_cell_.resize(field.speed.size(), -1);
   jam_.resize(bodies.id.size());
-  for (const DeepContact& d : deep_contacts) {
-    Jam& jam = jam_[d.body];
-    jam.depth = std::max(jam.depth, d.depth);
-    jam.from_above |= d.from_above;
+  for (const JammedBody& j : jammed) {
+    Jam& jam = jam_[j.body];
+    jam.depth = std::max(jam.depth, j.depth);
+    jam.from_above |= j.from_above;
   }
   bool lowered = false;
   for (const Manifold& m : static_contacts.manifolds) {
@@ -148,12 +149,11 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
       const float fraction = std::max(0.0F, 2.0F - jam.depth / min_depth_);
       for (int i = p.first; i < p.first + p.count; ++i) {
         const std::int32_t cell = list.samples.cell[i];
-        const std::size_t at = cell;
-        const float planned = planned_speed_[at] != 0.0F ? planned_speed_[at] : field.speed[at];
+        const float held = planned_speed_[cell], planned = held != 0.0F ? held : field.speed[cell];
         if (planned > 0.0F) lowered |= slow_down(cell, fraction * planned, fraction < 1.0F, field);
       }
     }
-  for (const DeepContact& d : deep_contacts) jam_[d.body] = {};
+  for (const JammedBody& j : jammed) jam_[j.body] = {};
   return lowered;
 }
 

@@ -15,7 +15,7 @@ namespace smartsurf::world {
 
 // A body that is deep in a cell or in another one, of which the upper one does not give way, or off its
 // joints, in this step.
-struct DeepContact {
+struct JammedBody {
   std::int32_t body;
   float depth;      // u
   bool from_above;  // the contact presses the body down
@@ -25,21 +25,21 @@ class JamRelief {
  public:
   explicit JamRelief(float dt_s);
 
-  // Contacts from this depth on count as deep, u.
+  // Bodies in contacts from this depth on count as jammed, u.
   float min_depth() const { return min_depth_; }
 
   // Before the contacts are found: cells that stalled lately do not rise faster than then, or they would go
   // on pushing whenever the body leaves them for a step. Returns whether it lowered any speed.
   bool hold_cells(surface::Field&);
-  // After the solver: appends the bodies that deep ones press on. Bodies that are off their joints need it:
+  // After the solver: appends the bodies that jammed ones press on. Bodies that are off their joints need it:
   // their contacts hold at the joints' expense, so no other body between them and the cells is in a deep
   // contact.
-  void spread(std::vector<DeepContact>&, const ContactList& pair_contacts, const BodyStore&);
+  void spread(std::vector<JammedBody>&, const ContactList& pair_contacts, const BodyStore&);
   // After the solver: lowers the upward Field::speed of the cells that push the bodies, the more the deeper
   // they are, to 0 at a depth of twice min_depth(); cells that descend likewise where a body is wedged
   // against their sides. A rising cell that is itself deeper in a body retreats, and one that does not touch
   // it yet comes no nearer than that. Returns whether it lowered any speed.
-  bool stall_cells(std::span<const DeepContact>, const ContactList& static_contacts,
+  bool stall_cells(std::span<const JammedBody>, const ContactList& static_contacts,
                    std::span<const SupportPatches>, const BodyStore&, surface::Field&);
   void archive(common::StateArchive&);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "smartsurf/world/field/Columns.h"
@@ -66,7 +67,7 @@ void add_disc(Footprint& f, const Vec3& middle, float radius) {
   constexpr int kCorners = 24;
   static const auto kUnit = [] {
     std::array<Point2, kCorners> unit;
-    const double angle = 2.0 * M_PI / kCorners, scale = std::sqrt(angle / std::sin(angle));
+    const double angle = 2.0 * std::numbers::pi / kCorners, scale = std::sqrt(angle / std::sin(angle));
     for (int i = 0; i < kCorners; ++i)
       unit[i] = {static_cast<float>(scale * std::cos(i * angle)),
                  static_cast<float>(scale * std::sin(i * angle))};
@@ -362,12 +363,11 @@ struct Sample {
 
 void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& centre, const Point2& cell_centre,
                 const SharedArea& shared, float separation, std::vector<Sample>& out) {
-  const Index i = cell;
   float vx = 0.0F, vy = 0.0F, spin = 0.0F;
   if (field.has_surface_velocity()) {
-    if (!field.surface_spin.empty()) spin = field.surface_spin[i];
-    vx = field.surface_velocity_x[i] - spin * shared.y;
-    vy = field.surface_velocity_y[i] + spin * shared.x;
+    if (!field.surface_spin.empty()) spin = field.surface_spin[cell];
+    vx = field.surface_velocity_x[cell] - spin * shared.y;
+    vy = field.surface_velocity_y[cell] + spin * shared.x;
   }
   out.push_back({cell, cell_centre.x + shared.x - centre.x(), cell_centre.y + shared.y - centre.y(),
                  shared.arm, shared.weight, separation, vx, vy, spin});
@@ -399,9 +399,8 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
   thread_local std::vector<std::int32_t> cells;
   layout.find_cells({f.west, f.south, 0}, {f.east, f.north, 0}, cells);
   for (const std::int32_t cell : cells) {
-    const Index i = cell;
-    const Point2 at{field.x[i], field.y[i]};
-    const float top = field.column_height()[i];
+    const Point2 at{field.x[cell], field.y[cell]};
+    const float top = field.column_height()[cell];
     const float angle = field.angle_of(cell), sine = std::sin(angle), cosine = std::cos(angle);
     Footprint local = f;  // in the axes of the cell
     local.slope_x = cosine * f.slope_x + sine * f.slope_y,
@@ -581,9 +580,12 @@ void SupportPatches::clear() {
   if (!samples.cell.empty()) samples.resize(0, false);
 }
 
-bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout, const Shape& shape,
-                       std::int32_t body, const Vec3& centre, const Vec3& origin, const Mat3& axes,
-                       float margin, std::span<const Contact> contacts, SupportPatches& out) {
+bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout,
+                       const BodyStore& bodies, std::int32_t body, float margin,
+                       std::span<const Contact> contacts, SupportPatches& out) {
+  const Shape& shape = *bodies.shape[body];
+  const Vec3 &centre = bodies.position[body], origin = bodies.origin(body);
+  const Mat3& axes = bodies.axes[body];
   if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
   SupportPatch& patch = out.patches.emplace_back();

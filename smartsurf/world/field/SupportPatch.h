@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/body/Shape.h"
+#include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/FreeLayoutField.h"
 
@@ -124,11 +124,10 @@ struct SupportPatches {
 };
 
 // Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a
-// rectangular field. `centre` is the centre of mass, `origin` that of the shape; `contacts` are those of the
-// body with the field. Returns whether a patch was added.
-bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&,
-                       std::int32_t body, const Vec3& centre, const Vec3& origin, const Mat3& axes,
-                       float margin, std::span<const Contact> contacts, SupportPatches& out);
+// rectangular field. `contacts`: of the body with the field. Returns whether a patch was added.
+bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const BodyStore&,
+                       std::int32_t body, float margin, std::span<const Contact> contacts,
+                       SupportPatches& out);
 
 // Removes the last patch's points on cells that the face does not cover but only touches at its rim, because
 // such cells bear nothing. Calls remove(k) for each; k is the contact's index in the list without those

@@ -11,8 +11,7 @@ namespace {
 
 // A contact matches one of the previous step with the same value. Support patches are found after matching.
 std::int32_t match_key(const Contact& c) {
-  const bool is_supported = c.partner == Partner::kSupportedCell || c.partner == Partner::kElasticTop;
-  return static_cast<std::int32_t>(is_supported ? Partner::kCell : c.partner);
+  return static_cast<std::int32_t>(c.is_in_patch() ? Partner::kCell : c.partner);
 }
 
 // Anchors of at most `capacity` contacts of the previous step, four at a time.

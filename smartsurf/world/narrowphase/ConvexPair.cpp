@@ -144,7 +144,7 @@ float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const Searc
   if (may_share_face(a, b, t.normal))
     add_contact_patch(proxy_feature(a, -t.normal), proxy_feature(b, t.normal), t.normal, limits.margin, 0,
                       out);
-  // What is curved lies along an edge as it does on a face.
+  // A curved side lies along an edge as it does on a face.
   if (out.count() == 0 && has_curved_side(a) != has_curved_side(b))
     add_contact_patch(edge_or_feature(a, -t.normal), edge_or_feature(b, t.normal), t.normal, limits.margin, 0,
                       out);

@@ -27,7 +27,7 @@ struct SeamContact {
 // The separation of a spare contact, in whose place another one bears.
 inline constexpr float kSpareSeparation = std::numeric_limits<float>::infinity();
 
-// Whether a face of the shape may continue that of another one at a point in its axes.
+// True if a face of the shape may continue that of another one at a point in its axes.
 bool may_continue(const Shape&, const Vec3& point);
 // A single convex part has no internal edges.
 bool may_have_internal_edges(std::span<const Solid>);

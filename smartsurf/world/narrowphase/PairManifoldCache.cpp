@@ -92,10 +92,10 @@ float least_distance(std::span<const PairManifoldCache::CachedPoint> points) {
   return std::sqrt(least_squared);
 }
 
-// Collides the bodies at their current poses and stores the manifold.
-void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, const Vec3* cached_normal,
-             SimplexCache& simplex_cache, PairManifoldCache::CachedManifold& manifold,
-             PairManifoldCache::ChunkCache& chunk_cache) {
+// Collides the manifold's bodies at their current poses and stores it.
+void rebuild(const BodyStore& bodies, float margin, const Vec3* cached_normal, SimplexCache& simplex_cache,
+             PairManifoldCache::CachedManifold& manifold, PairManifoldCache::ChunkCache& chunk_cache) {
+  const std::size_t a = manifold.a, b = manifold.b;
   thread_local std::vector<Contact> contacts;
   contacts.clear();
   manifold.clearance = collide_convex({*bodies.shape[a], bodies.origin(a), bodies.axes[a]},
@@ -182,8 +182,7 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
     manifold.translation = pose.translation;
     const bool was_touching = cached && cached->point_count > 0;
     const Vec3 cached_normal = was_touching ? Vec3(bodies.axes[b] * cached->points->normal) : Vec3::Zero();
-    rebuild(bodies, a, b, margin, was_touching ? &cached_normal : nullptr, simplex_cache, manifold,
-            chunk_cache);
+    rebuild(bodies, margin, was_touching ? &cached_normal : nullptr, simplex_cache, manifold, chunk_cache);
   }
   manifold.first_point = first_point;
   manifold.simplex = simplex_cache.count > 0 ? static_cast<std::int32_t>(chunk_cache.simplices.size()) : -1;

@@ -114,12 +114,12 @@ void find_touched(const BodyStore& bodies, std::int32_t body, const Neighbours& 
   }
 }
 
-// Whether a face of the other body may continue one at the point.
+// True if a face of the other body may continue one at the point.
 bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point) {
   return may_continue(*bodies.shape[other], bodies.axes[other].transpose() * (point - bodies.origin(other)));
 }
 
-// Whether the body slides over two others that move together at the point.
+// True if the body slides over two others that move together at the point.
 bool slides_on_both(const BodyStore& bodies, std::int32_t body, std::int32_t one, std::int32_t next,
                     const Vec3& point) {
   const Vec3 speed = velocity_at(bodies, one, point);

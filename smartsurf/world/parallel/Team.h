@@ -32,6 +32,13 @@ struct Member {
     if (is_caller()) work();
     arrive_and_wait();
   }
+  // Runs work() on the caller of Team::run only, between a wait() and an arrive().
+  template <class Work>
+  void on_caller(Work work) const {
+    wait();
+    if (is_caller()) work();
+    arrive();
+  }
   // The member's even share of n items.
   IndexRange share(int n) const {
     return {static_cast<int>(static_cast<long>(n) * index / member_count),

@@ -1,4 +1,4 @@
-// What acts along the axis of a joint in a substep, as an impulse that does not grow with the speed:
+// The impulse along the axis of a joint in a substep, which does not grow with the speed:
 // friction, motor and limits are steps of it, and a spring makes it slope.
 //
 // Either the speed is that of a step, where the impulse is whatever holds it there, or the impulse is that

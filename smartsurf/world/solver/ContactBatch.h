@@ -1,4 +1,4 @@
-// What the contact kernels work on: batches of manifolds, their points, the parameters of a substep.
+// The data of the contact kernels: batches of manifolds, their points, the parameters of a substep.
 #pragma once
 
 #include <algorithm>
@@ -9,10 +9,24 @@
 
 namespace smartsurf::world {
 
+// The kind of all manifolds in a batch: pair or static; all bodies spheres, or general.
+enum ContactKind { kSpherePair, kGeneralPair, kSphereStatic, kGeneralStatic, kContactKindCount };
+constexpr bool is_pair(ContactKind kind) { return kind == kSpherePair || kind == kGeneralPair; }
+constexpr bool is_sphere_kind(ContactKind kind) { return kind == kSpherePair || kind == kSphereStatic; }
+
 // Penetration up to this depth, u, is not resolved, so that resting bodies keep their contacts.
 inline constexpr float kSlop = 1e-3F;
 // The same between two non-spheres, which form stacks.
-inline constexpr float kPairSlop = 5e-4F;
+inline constexpr float kGeneralPairSlop = 5e-4F;
+constexpr float slop_of(ContactKind kind) { return kind == kGeneralPair ? kGeneralPairSlop : kSlop; }
+
+// A 3-vector of one lane.
+inline Vec3 load_lane(const float (&from)[3][kLanes], int lane) {
+  return {from[0][lane], from[1][lane], from[2][lane]};
+}
+inline void store_lane(const Vec3& from, float (&to)[3][kLanes], int lane) {
+  for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
+}
 
 // Rows by index; rows of static bodies are never written.
 struct SolverBodies {
@@ -65,6 +79,7 @@ struct alignas(64) BatchPointLimit {
   BatchPointLimit() {
     std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F);
   }
+  bool is_limited(int lane) const { return stall_impulse[lane] < kUnlimited; }
 
   float stall_impulse[kLanes];         // vertical impulse of the cell at rest, mass·u/s in a substep
   float no_load_speed[kLanes];         // at which the cell rises without force, u/s

@@ -71,20 +71,19 @@ HWY_INLINE void solve_rolling(ContactLanes<kPair, kSpheres>& l, const PointRef& 
   l.apply_angular_impulse(impulse - old_impulse);
 }
 
-// Solve stage: the normal impulse of a soft contact. Sets relax_target_speed.
+// Solve stage. Sets relax_target_speed.
 template <bool kPair, bool kSpheres>
-HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
-                                 V separation, const SubstepParams& params) {
+HWY_INLINE V solve_normal(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed, V separation,
+                          const SubstepParams& params) {
   const int at = l.lane;
-  const V target_speed = push_out_speed(separation, params, kPair && !kSpheres ? kPairSlop : kSlop);
+  const V target_speed = push_out_speed(separation, params, slop_of(l.kKind));
   store(relax_target_speed(separation, target_speed), q.point.relax_target_speed, at);
-  const V mass = load(q.point.normal_mass, at) * if_positive(separation, set(1.0F), set(params.mass_scale));
   const V old_impulse = load(q.point.normal_impulse, at);
   V deflecting = old_impulse;
   if constexpr (!kSpheres)
     deflecting = deflecting_impulse(old_impulse, load(q.detail.steady_impulse, at), params);
-  const V relief = if_positive(separation, zero(), set(params.impulse_scale)) * deflecting;
-  const V impulse = normal_impulse(old_impulse, mass, speed, target_speed, relief);
+  const V impulse = soft_normal_impulse(old_impulse, load(q.point.normal_mass, at), speed, target_speed,
+                                        separation, deflecting, params);
   if constexpr (!kSpheres) {
     const V steady = load(q.detail.steady_impulse, at);
     store(steady + (impulse - steady) * set(params.steady_gain), q.detail.steady_impulse, at);
@@ -282,7 +281,7 @@ void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows
           V separation = delta.separation(l, q, along, params);
           if (!kPair && o[i].has_impulse_limit)
             separation = separation + along.z * load_of_cell(q, lane, &BatchPointLimit::lag);
-          return soft_normal_impulse(l, q, speed, separation, params);
+          return solve_normal(l, q, speed, separation, params);
         });
       }
       l.store();
@@ -290,7 +289,8 @@ void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows
 }
 
 template <bool kPair, bool kSpheres>
-void add_kernels(ContactKernelTable& t, ContactKind kind) {
+void add_kernels(ContactKernelTable& t) {
+  constexpr ContactKind kind = ContactLanes<kPair, kSpheres>::kKind;
   t.prepare[kind] = prepare<kPair, kSpheres>;
   t.warm_start[kind] = for_each_point<kPair, kSpheres, warm_start_point<kPair, kSpheres>>;
   t.solve[kind] = solve<kPair, kSpheres>;
@@ -362,10 +362,10 @@ void integrate_free(int begin, int end, int substeps, float h_s, const BodyVeloc
 const ContactKernelTable* table() {
   static const ContactKernelTable kTable = [] {
     ContactKernelTable t{};
-    add_kernels<true, true>(t, kSpherePair);
-    add_kernels<true, false>(t, kGeneralPair);
-    add_kernels<false, true>(t, kSphereStatic);
-    add_kernels<false, false>(t, kGeneralStatic);
+    add_kernels<true, true>(t);
+    add_kernels<true, false>(t);
+    add_kernels<false, true>(t);
+    add_kernels<false, false>(t);
     t.integrate_velocities = integrate_velocities;
     t.integrate_positions = integrate_positions;
     t.integrate_free = integrate_free;

@@ -12,11 +12,6 @@ namespace smartsurf::world {
 // force stays finite and leaves the scene without affecting other bodies.
 inline constexpr float kMaxSpeed = 1e7F;
 
-// The kind of all manifolds in a batch: pair or static; all bodies spheres, or general.
-enum ContactKind { kSpherePair, kGeneralPair, kSphereStatic, kGeneralStatic, kContactKindCount };
-constexpr bool is_pair(ContactKind kind) { return kind == kSpherePair || kind == kGeneralPair; }
-constexpr bool is_sphere_kind(ContactKind kind) { return kind == kSpherePair || kind == kSphereStatic; }
-
 using ContactKernel = void (*)(const ContactBatch* batches, int count, BatchPoints, const SolverBodies&,
                                const SubstepParams&);
 
@@ -31,7 +26,7 @@ using IntegrateVelocities = void (*)(int begin, int end, const BodyVelocity& cha
 using IntegratePositions = void (*)(int begin, int end, float h_s, const BodyVelocity* velocity,
                                     DeltaPose* delta_pose);
 
-// What the two do in all substeps of a step in which nothing touches.
+// The two in all substeps of a step in which nothing touches.
 using IntegrateFree = void (*)(int begin, int end, int substeps, float h_s, const BodyVelocity& change,
                                BodyVelocity* velocity, DeltaPose* delta_pose);
 

@@ -139,6 +139,8 @@ HWY_INLINE SymmetricMat3<V> load_inertia(const InverseInertia* rows, const std::
 // Up to kVectorWidth manifolds of a batch, specialised for one ContactKind.
 template <bool kPair, bool kSpheres>
 struct ContactLanes {
+  static constexpr ContactKind kKind =
+      kPair ? (kSpheres ? kSpherePair : kGeneralPair) : (kSpheres ? kSphereStatic : kGeneralStatic);
   const ContactBatch& batch;
   const int lane;  // first lane in the batch
   BodyVelocity* const velocities;

@@ -71,6 +71,15 @@ WORLD_INLINE F normal_impulse(F old_impulse, F mass, F speed, F target_speed) {
   return max(old_impulse - mass * (speed - target_speed), constant<F>(0));
 }
 
+// The same of a soft contact in the solve stage. `deflecting`: see deflecting_impulse().
+template <class F>
+WORLD_INLINE F soft_normal_impulse(F old_impulse, F mass, F speed, F target_speed, F separation, F deflecting,
+                                   const SubstepParams& params) {
+  const F soft_mass = mass * if_positive(separation, constant<F>(1), constant<F>(params.mass_scale));
+  const F relief = if_positive(separation, constant<F>(0), constant<F>(params.impulse_scale)) * deflecting;
+  return normal_impulse(old_impulse, soft_mass, speed, target_speed, relief);
+}
+
 // Newton's law of restitution: the speed after an impact.
 template <class F>
 WORLD_INLINE F rebound_speed(F restitution, F approach_speed) {

@@ -14,16 +14,12 @@ namespace {
 
 using Vector3 = Eigen::Vector3d;
 
-// Contacts up to this separation take part, u.
-constexpr float kTouchingSeparation = 1e-3F;
 // Compliance of a hard contact, relative to that of the heavier body.
 constexpr double kCompliance = 1e-3;
 // The part of a steady load that deflects no spring; see SubstepParams::steady_share.
 constexpr double kSteadyShare = 0.8;
-// Two bodies overlap this far without being pushed out, u.
-float slop_of(bool of_pair, bool of_spheres) { return of_pair && !of_spheres ? kPairSlop : kSlop; }
 // A load deflects a contact at most this far, u.
-float max_deflection(bool of_pair, bool of_spheres) { return 0.5F * slop_of(of_pair, of_spheres); }
+constexpr float max_deflection(ContactKind kind) { return 0.5F * slop_of(kind); }
 constexpr int kMaxPasses = 12;
 // A contact with a load below this many weights of the lighter body carries that body alone: the load of a
 // body at rest is below, that of a body that bears another one above.
@@ -40,18 +36,17 @@ constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kLeastSinkingBodies = 8;
 
-bool is_bearing(const BatchPoint& p, int lane) {
-  return p.normal_mass[lane] > 0.0F &&
-         (p.normal_impulse[lane] > 0.0F || p.separation[lane] <= kTouchingSeparation);
+// Without branches, so that a loop over the lanes becomes vector code.
+bool bears_or_touches(const BatchPoint& p, int lane) {
+  return (p.normal_mass[lane] > 0.0F) &
+         ((p.normal_impulse[lane] > 0.0F) | (p.separation[lane] <= kTouchingSeparation));
 }
 
 // Bit i: a point of lane i bears or touches.
 std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points) {
   std::int32_t bears[kLanes] = {};
   for (const BatchPoint& p : std::span(points.point + o.first_point, o.point_count))
-    for (int i = 0; i < kLanes; ++i)
-      bears[i] |= (p.normal_mass[i] > 0.0F) &
-                  ((p.normal_impulse[i] > 0.0F) | (p.separation[i] <= kTouchingSeparation));
+    for (int i = 0; i < kLanes; ++i) bears[i] |= static_cast<std::int32_t>(bears_or_touches(p, i));
   static_assert(kLanes <= 8);
   unsigned mask = 0;
   for (unsigned i = 0; i < kLanes; ++i) mask |= static_cast<unsigned>(bears[i]) << i;
@@ -66,15 +61,14 @@ bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, con
   constexpr float kLeastRise = 0.5F, kGreatestDepth = 0.02F;
   const Vec3 up = -gravity.normalized();
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
-    if (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited) return true;
+    if (o.has_impulse_limit && points.limit[k].is_limited(lane)) return true;
     const BatchPoint& p = points.point[k];
-    if (!is_bearing(p, lane)) continue;
-    const float(&surface)[3][kLanes] = points.detail[k].surface_velocity;
-    const float z = p.normal[2][lane];
+    if (!bears_or_touches(p, lane)) continue;
+    const Vec3 normal = load_lane(p.normal, lane);
     // Without gravity no side is below.
-    const float rise = up.isZero(0.0F) ? 1.0F : up.dot(Vec3(p.normal[0][lane], p.normal[1][lane], z));
-    if (std::max(z, rise) < kLeastRise || p.separation[lane] < -kGreatestDepth || surface[0][lane] != 0.0F ||
-        surface[1][lane] != 0.0F || surface[2][lane] != 0.0F)
+    const float rise = up.isZero(0.0F) ? 1.0F : up.dot(normal);
+    if (std::max(normal.z(), rise) < kLeastRise || p.separation[lane] < -kGreatestDepth ||
+        !load_lane(points.detail[k].surface_velocity, lane).isZero(0.0F))
       return true;
   }
   return false;
@@ -82,11 +76,9 @@ bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, con
 
 // A blow is no load.
 bool is_fast(const BodyVelocity& v) {
-  constexpr double kFast = 1.0;  // u/s
-  return to_double(v.velocity).squaredNorm() > kFast * kFast;
+  constexpr double kMaxLoadSpeed_ups = 1.0;
+  return to_double(v.velocity).squaredNorm() > kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
 }
-
-Vector3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 }  // namespace
 
@@ -99,10 +91,12 @@ void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) 
   islands_.clear();
 }
 
-void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch, ContactKind kind,
-                                         const BatchPoints& points, const BodyVelocity* velocity,
-                                         const SubstepParams& params, const Vec3& weight, int member) {
-  const ContactBatch& o = graph.batch(batch);
+void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKind kind,
+                                         const SubstepParams& params, const Member& member) {
+  const ContactBatch& o = step.graph.batch(batch);
+  const BatchPoints& points = step.points;
+  const BodyVelocity* const velocity = step.velocity;
+  const Vec3 weight = step.h_s * step.gravity;  // what gravity gives a body in a substep, u/s
   const unsigned bears = bearing_lanes_[batch] = find_bearing_lanes(o, points);
   const float weight_impulse = weight.norm();
   float load[kLanes] = {};
@@ -119,12 +113,11 @@ void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
     // As a multiple of what the contact yields in the direct solver.
-    const float excess =
-        is_sphere_kind(kind) || !is_pair(kind) ? 0.0F : deflection / max_deflection(true, false);
+    const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.
-    const float(&normal)[3][kLanes] = points.point[o.first_point].normal;  // from b to a
-    const float up = -weight.dot(Vec3(normal[0][lane], normal[1][lane], normal[2][lane]));
+    const Vec3 normal = load_lane(points.point[o.first_point].normal, lane);  // from b to a
+    const float up = -weight.dot(normal);
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
     const bool is_heavy = loading > kHeavyLoad * weight_impulse || may_bear || excess > kDeepAlone;
@@ -132,7 +125,7 @@ void HeavyIslandSolver::find_heavy_lanes(const ConstraintGraph& graph, int batch
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
-    MemberData& own = members_[member];
+    MemberData& own = members_[member.index];
     (is_heavy ? own.heavy_rows : own.sinking_rows).push_back(bearer);
   }
 }
@@ -295,12 +288,12 @@ void HeavyIslandSolver::collect_points(const Step& step) {
       const std::int32_t a = body_of(step, o.a[lane]), b = of_pair ? body_of(step, o.b[lane]) : -1;
       Island& island = islands_[island_of_row_[a >= 0 ? o.a[lane] : o.b[lane]]];
       for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
-        if (!is_bearing(points.point[k], lane)) continue;
+        if (!bears_or_touches(points.point[k], lane)) continue;
         Point p;
         p.body[0] = a, p.body[1] = b;
         p.index = k, p.lane = lane;
         p.row[0] = o.a[lane], p.row[1] = of_pair ? o.b[lane] : -1;
-        p.is_sphere = is_sphere_kind(kind);
+        p.kind = kind;
         p.steady_impulse = static_cast<double>(points.point[k].normal_impulse[lane]);
         p.keep(points.point[k]);
         each(p, island);
@@ -360,7 +353,7 @@ void HeavyIslandSolver::exchange_impulses(std::span<Point> island, const BatchPo
   for (Point& p : island) {
     BatchPoint& q = points.point[p.index];
     const BatchPointDetail& d = points.detail[p.index];
-    const Vec3 n = load(q.normal, p.lane).cast<float>();
+    const Vec3 n = load_lane(q.normal, p.lane);
     float(&kept)[4] = p.impulse;
     Vec3 change = (kept[0] - q.normal_impulse[p.lane]) * n;
     std::swap(kept[0], q.normal_impulse[p.lane]);
@@ -372,8 +365,8 @@ void HeavyIslandSolver::exchange_impulses(std::span<Point> island, const BatchPo
       if (p.body[side] < 0) continue;
       const std::int32_t row = p.row[side];
       BodyVelocity& m = rows.velocity[row];
-      Vec3 anchor = load(side == 0 ? d.anchor_a : d.anchor_b, p.lane).cast<float>();
-      if (p.is_sphere) anchor = n * (side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
+      Vec3 anchor = load_lane(side == 0 ? d.anchor_a : d.anchor_b, p.lane);
+      if (is_sphere_kind(p.kind)) anchor = n * (side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
       const Vec3 along = side == 0 ? change : Vec3(-change);
       const Vec3 spin = to_matrix(rows.inverse_inertia[row]) * anchor.cross(along);
       for (int i = 0; i < 3; ++i)
@@ -386,7 +379,7 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
                                const SubstepParams& params, bool is_soft) {
   const BatchPoint& q = points.point[p.index];
   const BatchPointDetail& d = points.detail[p.index];
-  const Vector3 n = load(q.normal, p.lane);
+  const Vector3 n = load_lane(q.normal, p.lane).cast<double>();
   law::Vector3<float> t, u;
   law::tangents(to_law(n.cast<float>()), t, u);
   const Vector3 axis[3] = {n, from_law(t).cast<double>(), from_law(u).cast<double>()};
@@ -395,8 +388,9 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
     if (p.row[side] < 0) continue;
     const BodyVelocity& m = rows.velocity[p.row[side]];
     const DeltaPose& delta = rows.delta_pose[p.row[side]];
-    Vector3 anchor = load(side == 0 ? d.anchor_a : d.anchor_b, p.lane);
-    if (p.is_sphere) anchor = n * static_cast<double>(side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
+    Vector3 anchor = load_lane(side == 0 ? d.anchor_a : d.anchor_b, p.lane).cast<double>();
+    if (is_sphere_kind(p.kind))
+      anchor = n * static_cast<double>(side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
     for (int k = 0; k < 3; ++k) {
       const Vector3 along = side == 0 ? axis[k] : Vector3(-axis[k]);
       const Vector3 turn = anchor.cross(along);
@@ -408,14 +402,13 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
     if (m.inverse_mass > 0.0F)
       least_inverse_mass = std::min(least_inverse_mass, static_cast<double>(m.inverse_mass));
   }
-  const bool of_pair = p.row[1] >= 0;
-  if (!of_pair || !p.is_sphere) {
-    const Vector3 surface = load(d.surface_velocity, p.lane);
+  if (p.kind != kSpherePair) {
+    const Vector3 surface = load_lane(d.surface_velocity, p.lane).cast<double>();
     for (int k = 0; k < 3; ++k) speed[k] -= axis[k].dot(surface);
-    if (!of_pair) displacement -= n.dot(surface) * static_cast<double>(params.elapsed_s);
+    if (!is_pair(p.kind)) displacement -= n.dot(surface) * static_cast<double>(params.elapsed_s);
   }
   const double hard = 1.0 / (kCompliance * least_inverse_mass);
-  const Vector3 friction = load(q.friction_impulse, p.lane);
+  const Vector3 friction = load_lane(q.friction_impulse, p.lane).cast<double>();
   for (int k = 1; k < 3; ++k) {
     p.spring[k].impulse = axis[k].dot(friction);
     p.spring[k].stiffness = hard, p.spring[k].error = -speed[k], p.spring[k].change = 0.0;
@@ -426,11 +419,11 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
   double target = static_cast<double>(q.relax_target_speed[p.lane]);
   if (is_soft) {
     const float separation = q.separation[p.lane] + static_cast<float>(displacement);
-    target = static_cast<double>(law::push_out_speed(separation, params, slop_of(of_pair, p.is_sphere)));
+    target = static_cast<double>(law::push_out_speed(separation, params, slop_of(p.kind)));
     if (separation <= 0.0F) {
       const double soft = static_cast<double>(params.impulse_scale /
                                               (params.mass_scale * q.normal_mass[p.lane])),
-                   capped = static_cast<double>(params.bias_rate * max_deflection(of_pair, p.is_sphere)) /
+                   capped = static_cast<double>(params.bias_rate * max_deflection(p.kind)) /
                             std::max(p.steady_impulse, 1e-12);
       const double compliance = std::max(std::min(soft, capped), 1.0 / hard);
       target -= compliance * (normal.impulse - kSteadyShare * p.steady_impulse);
@@ -509,7 +502,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     for (Point& p : of_island) p.keep(points.point[p.index]);
   };
   for (Point& p : of_island) {
-    set_up(p, points, rows, p.row[1] < 0 ? static_params : pair_params, is_soft);
+    set_up(p, points, rows, is_pair(p.kind) ? pair_params : static_params, is_soft);
     std::fill_n(p.in_matrix, 3, false);
     if (p.body[0] >= 0 && p.body[1] >= 0) matrix.connect(p.body[0], p.body[1]);
   }

@@ -30,12 +30,6 @@ class HeavyIslandSolver {
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
   void reset(int member_count, int row_count, int batch_count);
-  // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
-  // heavier. `weight`: what gravity gives a body in a substep, u/s. Called by the member that prepares the
-  // batch.
-  void find_heavy_lanes(const ConstraintGraph&, int batch, ContactKind, const BatchPoints&,
-                        const BodyVelocity*, const SubstepParams&, const Vec3& weight, int member);
-  bool any_heavy_lane() const;
   struct Step {
     const ConstraintGraph& graph;
     const BodyStore& bodies;
@@ -46,6 +40,10 @@ class HeavyIslandSolver {
     Vec3 gravity;
     float h_s;
   };
+  // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
+  // heavier. Called by the member that prepares the batch.
+  void find_heavy_lanes(const Step&, int batch, ContactKind, const SubstepParams&, const Member&);
+  bool any_heavy_lane() const;
   // Builds the islands of the noted lanes. Called by all members after they have prepared their batches.
   void build(const Step&, IndexRange own_rows, const Member&);
   bool empty() const { return islands_.empty(); }
@@ -88,7 +86,7 @@ class HeavyIslandSolver {
   struct Point : Springs {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: static
-    bool is_sphere;            // its anchor is along the normal
+    ContactKind kind;
     bool bears, sticks, stuck_again;
     double steady_impulse;  // normal, of the last relax stage
     // Normal, and the vector of friction: before the sweep; during solve_island(), after it.

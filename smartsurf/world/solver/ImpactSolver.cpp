@@ -5,14 +5,14 @@
 #include <limits>
 #include <tuple>
 
+#include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
 namespace {
 
-constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
-constexpr float kMinOverlap = 1e-6F;          // rounding errors of a position, u
+constexpr float kMinOverlap = 1e-6F;  // rounding errors of a position, u
 constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
 constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
 // A contact without restitution resists a blow if it approaches at this share of the speed of the blow.
@@ -32,13 +32,9 @@ constexpr float kFirstTolerance = 3e-5F, kTolerance = 1e-3F;
 using Vec = Eigen::Map<Vec3>;
 using ConstVec = Eigen::Map<const Vec3>;
 
-const SurfaceMaterial& material_of_b(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
-  const std::int32_t other = other_body(m, c);
-  return other >= 0 ? step.bodies.surface_material[other] : step.field_material;
-}
-
-float restitution_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
-  return std::max(step.bodies.surface_material[m.a].restitution, material_of_b(step, m, c).restitution);
+float restitution_at(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
+  return restitution_of(step.bodies.surface_material[m.a],
+                        material_of_b(step.bodies, step.field_material, m, c));
 }
 
 // The greatest separation at which a contact takes part in a blow of this normal speed, where another contact
@@ -50,11 +46,11 @@ float touching_separation(const ImpactSolver::Step& step, float speed) {
 
 // The impulse that a cell of limited force has left, on its motor's line, for one of the body's contacts.
 float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
-  constexpr float kUnlimited = std::numeric_limits<float>::infinity();
+  constexpr float kUnlimitedImpulse = std::numeric_limits<float>::infinity();
   const std::vector<Contact>& contacts = step.static_contacts.contacts;
-  if (m.b >= 0 || step.cell_limits.empty()) return kUnlimited;
+  if (m.b >= 0 || step.cell_limits.empty()) return kUnlimitedImpulse;
   const CellImpulseLimit& limit = step.cell_limits[&c - contacts.data()];
-  if (!limit.is_limited()) return kUnlimited;
+  if (!limit.is_limited()) return kUnlimitedImpulse;
   const float capacity = (&limit + limit.to_first)->capacity;
   float load = 0.0F;
   int count = 0;
@@ -85,7 +81,7 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
               greatest = std::max(std::abs(start), std::abs(end));
   const float squared = start * start - 2.0F * acceleration * std::max(separation, 0.0F);
   const float contact = std::clamp(std::sqrt(std::max(squared, 0.0F)), least, greatest);
-  const float rebound = restitution * contact, max_correction = kMaxCorrection * rebound;
+  const float rebound = law::rebound_speed(restitution, -contact), max_correction = kMaxCorrection * rebound;
   return {contact, rebound - std::clamp(half_change, -max_correction, max_correction)};
 }
 
@@ -414,7 +410,8 @@ ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m
   const float scale = law::inverse(tt * uu - tu * tu);
   p.tangent_mass[0] = uu * scale, p.tangent_mass[1] = tt * scale, p.tangent_mass[2] = -tu * scale;
   p.slip_mass = law::inverse(law::greatest_tangent_response(tt, uu, tu));
-  p.friction = step.bodies.surface_material[m.a].friction_root * material_of_b(step, m, c).friction_root;
+  p.friction =
+      friction_of(step.bodies.surface_material[m.a], material_of_b(step.bodies, step.field_material, m, c));
   p.max_impulse = max_impulse_of(step, m, c);
   const Vec3 v = p.velocity();
   for (int i = 0; i < 3; ++i) p.velocity_before[i] = p.axis[i].dot(v);
@@ -429,7 +426,7 @@ void ImpactSolver::add_hits(const Step& step) {
     ContactList& list = hit.is_pair ? step.pair_contacts : step.static_contacts;
     const Manifold& m = list.manifolds[hit.manifold];
     Contact& c = list.contacts[hit.contact];
-    const float restitution = restitution_of(step, m, c);
+    const float restitution = restitution_at(step, m, c);
     Point& p = hit.is_pair && !hit.in_substeps ? add_meeting(step, hit, m, c) : add_point(step, m, c);
     if (hit.in_substeps) {
       set_target(p, law::rebound_speed(restitution, hit.approach_speed), 0.0F);
@@ -461,7 +458,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   bool touches = false;
   for (int k = m.first; k < m.first + m.count; ++k) {
     Contact& c = list.contacts[k];
-    const float restitution = restitution_of(step, m, c);
+    const float restitution = restitution_at(step, m, c);
     if (restitution == 0.0F || c.gives_way()) continue;
     const Sides s(step, m, c);
     const float speed = c.normal.dot(s.velocity());
@@ -493,7 +490,7 @@ bool ImpactSolver::add_resisting_points(const Step& step) {
     const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
     for (int k = m.first; k < m.first + m.count; ++k) {
       Contact& c = list.contacts[k];
-      if (c.gives_way() || (!is_last_ && restitution_of(step, m, c) > 0.0F) || is_point(step, ref.is_pair, c))
+      if (c.gives_way() || (!is_last_ && restitution_at(step, m, c) > 0.0F) || is_point(step, ref.is_pair, c))
         continue;
       const Sides s(step, m, c);
       const float speed = c.normal.dot(s.velocity()), separation = s.separation(c, step.dt_s);

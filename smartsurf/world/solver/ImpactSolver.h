@@ -30,7 +30,7 @@ class ImpactSolver {
   // Minimum approach speed of an impact, u/s.
   static constexpr float kThreshold = 0.2F;
 
-  // Whether nothing but `partner` comes within `reach` of the body's bounding sphere in the step.
+  // True if nothing but `partner` comes within `reach` of the body's bounding sphere in the step.
   using HasRoom = std::function<bool(std::int32_t body, std::int32_t partner, float reach)>;
 
   // A contact that approaches at the start of the step.

@@ -183,7 +183,7 @@ void ImpactSolver::solve_normals(const Island& island, int max_sweeps, int first
   }
 }
 
-// Whether no velocity has changed since each normal was solved.
+// True if no velocity has changed since each normal was solved.
 bool ImpactSolver::normals_are_solved(const Island& island) const {
   const std::span points(order_.data() + island.first, static_cast<std::size_t>(island.count));
   return std::ranges::all_of(

@@ -1,4 +1,4 @@
-// What JointSolver does between steps: it adds, removes and changes joints, and reports their state.
+// JointSolver between steps: it adds, removes and changes joints, and reports their state.
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -20,7 +20,7 @@ JointSolver::Pose JointSolver::pose_of(const BodyStore& bodies, std::int32_t bod
 }
 
 scene::JointId JointSolver::add(const scene::JointSpec& spec, BodyStore& bodies) {
-  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Joint j{};
   j.id = next_id_++;
   j.kind = spec.kind;
@@ -33,8 +33,8 @@ scene::JointId JointSolver::add(const scene::JointSpec& spec, BodyStore& bodies)
   j.anchor_b = b.orientation.conjugate() * (spec.anchor - b.position);
   j.frame_a = a.orientation.conjugate() * frame;
   j.frame_b = b.orientation.conjugate() * frame;
-  j.lower = spec.limits ? spec.limits->lower : -kUnlimited;
-  j.upper = spec.limits ? spec.limits->upper : kUnlimited;
+  j.lower = spec.limits ? spec.limits->lower : -kInfinity;
+  j.upper = spec.limits ? spec.limits->upper : kInfinity;
   j.friction = spec.friction;
   j.has_spring = spec.spring.has_value();
   j.spring = spec.spring.value_or(scene::JointSpring());

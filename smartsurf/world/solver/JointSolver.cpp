@@ -16,9 +16,10 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 // A part of a substep is halved, down to kLeastPart of the substep, when the joints change how far a body
-// turns in it by more than kBend, rad, or when a body turns by more than kUnsolvedTurn and a speed is off by
-// more than kUnsolved, u/s: the whip of a chain's end.
-constexpr double kBend = 0.003, kUnsolvedTurn = 0.05, kUnsolved = 1e-6, kLeastPart = 1.0 / 64;
+// turns in it by more than kMaxTurnChange_rad, or when a body turns by more than kMaxUnsolvedTurn_rad and a
+// speed is off by more than kMaxResidual_ups: the whip of a chain's end.
+constexpr double kMaxTurnChange_rad = 0.003, kMaxUnsolvedTurn_rad = 0.05, kMaxResidual_ups = 1e-6,
+                 kLeastPart = 1.0 / 64;
 // Rounds of Newton's method in a stage; the first kFreeRounds may change the places of all axes, later ones
 // of one. A stage ends when no speed is off by more than kConverged, u/s, or when a round reduces the
 // residual by less than a tenth: a loop can contradict itself.
@@ -431,7 +432,8 @@ bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState&
     spin = std::max(spin, b.angular_velocity.norm());
     change = std::max(change, (b.inverse_inertia * (b.momentum - b.kept_momentum)).norm());
   }
-  return change * s.h_s > kBend || (s.residual > kUnsolved && spin * s.h_s > kUnsolvedTurn);
+  return change * s.h_s > kMaxTurnChange_rad ||
+         (s.residual > kMaxResidual_ups && spin * s.h_s > kMaxUnsolvedTurn_rad);
 }
 
 void JointSolver::relax(const Rows& rows, IndexRange trees) {
@@ -692,7 +694,7 @@ void JointSolver::factor(std::int32_t t) {
 }
 
 void JointSolver::find_strained(const BodyStore& bodies, float min_depth,
-                                std::vector<DeepContact>& out) const {
+                                std::vector<JammedBody>& out) const {
   if (!indexed_) return;  // then blocks_ are those of an earlier step
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const Joint& j = joints_[k];

@@ -52,7 +52,7 @@ class JointSolver {
   void set_spring(scene::JointId, const scene::JointSpring&);
   // The joint must exist. The state is in world units; forces are means over `dt_s`.
   scene::JointState state(scene::JointId, const BodyStore&, float dt_s) const;
-  // What a and b of the joint are: indices of bodies; −1: the table.
+  // Indices of the bodies a and b of the joint; −1: the table.
   std::array<std::int32_t, 2> bodies_of(scene::JointId) const;
   scene::JointKind kind_of(scene::JointId id) const { return find(id)->kind; }
   // Removes the joints of a body that was erased from the store; `body` was its index.
@@ -94,7 +94,7 @@ class JointSolver {
   void move_back(const BodyStore&, const Rows&, const Substep&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
-  void find_strained(const BodyStore&, float min_depth, std::vector<DeepContact>&) const;
+  void find_strained(const BodyStore&, float min_depth, std::vector<JammedBody>&) const;
 
  private:
   static constexpr int kRows = 6;

@@ -6,11 +6,6 @@
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
-namespace {
-
-Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
-
-}  // namespace
 
 Vec3 JointedContacts::Point::velocity(const BodyVelocity* rows) const {
   Vec3 sum = Vec3::Zero();
@@ -50,11 +45,11 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
       const BatchPointDetail& d = points.detail[k];
       if (!(q.normal_mass[lane] > 0.0F)) continue;
       // A cell of limited force yields by laws of its own.
-      if (o.has_impulse_limit && points.limit[k].stall_impulse[lane] < BatchPointLimit::kUnlimited) continue;
+      if (o.has_impulse_limit && points.limit[k].is_limited(lane)) continue;
       Point p;
-      p.index = k, p.lane = lane, p.is_pair = b >= 0, p.is_sphere = is_sphere_kind(kind);
+      p.index = k, p.lane = lane, p.kind = kind;
       p.row[0] = a, p.row[1] = b;
-      p.normal = load(q.normal, lane);
+      p.normal = load_lane(q.normal, lane);
       p.before_last = q.normal_impulse[lane];
       for (int side = 0; side < 2; ++side) {
         if (p.row[side] < 0) continue;
@@ -62,7 +57,7 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
         if (is_sphere_kind(kind))
           p.anchor[side] = p.normal * (side == 0 ? -q.radius_a[lane] : q.radius_b[lane]);
         else
-          p.anchor[side] = load(side == 0 ? d.anchor_a : d.anchor_b, lane);
+          p.anchor[side] = load_lane(side == 0 ? d.anchor_a : d.anchor_b, lane);
         p.inverse_inertia[side] = bodies.is_sphere[body]
                                       ? Mat3(rows[p.row[side]].inverse_inertia * Mat3::Identity())
                                       : to_matrix(bodies.world_inverse_inertia[body]);
@@ -92,9 +87,9 @@ Vec3 JointedContacts::lower_to_load(Point& p, BatchPoints points) {
   p.before_last = last;
   if (kept == last) return Vec3::Zero();
   const float share = kept / last;
-  const Vec3 friction = load(q.friction_impulse, p.lane);
+  const Vec3 friction = load_lane(q.friction_impulse, p.lane);
   q.normal_impulse[p.lane] = kept;
-  for (int i = 0; i < 3; ++i) q.friction_impulse[i][p.lane] = share * friction[i];
+  store_lane(share * friction, q.friction_impulse, p.lane);
   return (kept - last) * p.normal + (share - 1.0F) * friction;
 }
 
@@ -119,8 +114,9 @@ void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows,
       const Vec3 by = Vec3(delta.translation) + Vec3(delta.rotation).cross(p.anchor[side]);
       moved += side == 0 ? by : Vec3(-by);
     }
-    const SubstepParams& params = p.is_pair ? pair_params : static_params;
-    if (!p.is_pair) moved -= params.elapsed_s * load(points.detail[p.index].surface_velocity, p.lane);
+    const SubstepParams& params = is_pair(p.kind) ? pair_params : static_params;
+    if (!is_pair(p.kind))
+      moved -= params.elapsed_s * load_lane(points.detail[p.index].surface_velocity, p.lane);
     p.separation = points.point[p.index].separation[p.lane] + p.normal.dot(moved);
   }
 }
@@ -128,11 +124,11 @@ void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows,
 void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const SubstepParams& pair_params,
                             const SubstepParams& static_params, bool is_soft) {
   for (Point& p : points_) {
-    const SubstepParams& params = p.is_pair ? pair_params : static_params;
+    const SubstepParams& params = is_pair(p.kind) ? pair_params : static_params;
     BatchPoint& q = points.point[p.index];
     const BatchPointDetail& d = points.detail[p.index];
     const int lane = p.lane;
-    const Vec3 surface = p.is_pair && p.is_sphere ? Vec3(Vec3::Zero()) : load(d.surface_velocity, lane);
+    const Vec3 surface = p.kind == kSpherePair ? Vec3(Vec3::Zero()) : load_lane(d.surface_velocity, lane);
     const float old_impulse = q.normal_impulse[lane],
                 speed = p.normal.dot(p.velocity(rows.velocity) - surface);
     float impulse = 0.0F;
@@ -140,22 +136,20 @@ void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const 
       impulse = law::normal_impulse(old_impulse, q.normal_mass[lane], speed, q.relax_target_speed[lane]);
       q.total_normal_impulse[lane] += impulse - old_impulse;
     } else {
-      const bool is_apart = p.separation > 0.0F;
-      const float deflecting =
-          law::deflecting_impulse(old_impulse, p.is_sphere ? 0.0F : d.steady_impulse[lane], params);
-      impulse = law::normal_impulse(
-          old_impulse, q.normal_mass[lane] * (is_apart ? 1.0F : params.mass_scale), speed,
-          law::push_out_speed(p.separation, params, p.is_pair && !p.is_sphere ? kPairSlop : kSlop),
-          is_apart ? 0.0F : params.impulse_scale * deflecting);
+      const float steady = is_sphere_kind(p.kind) ? 0.0F : d.steady_impulse[lane];
+      impulse = law::soft_normal_impulse(
+          old_impulse, q.normal_mass[lane], speed, law::push_out_speed(p.separation, params, slop_of(p.kind)),
+          p.separation, law::deflecting_impulse(old_impulse, steady, params), params);
     }
     q.normal_impulse[lane] = impulse;
     if (impulse != old_impulse) p.apply((impulse - old_impulse) * p.normal, rows.velocity);
     if (q.friction[lane] == 0.0F) continue;
-    const Vec3 velocity = p.velocity(rows.velocity) - surface, old_friction = load(q.friction_impulse, lane);
+    const Vec3 velocity = p.velocity(rows.velocity) - surface,
+               old_friction = load_lane(q.friction_impulse, lane);
     const Vec3 slip = velocity - p.normal * p.normal.dot(velocity);
     const Vec3 friction =
         law::friction_impulse(old_friction, slip, q.tangent_mass[lane], q.friction[lane] * impulse);
-    for (int i = 0; i < 3; ++i) q.friction_impulse[i][lane] = friction[i];
+    store_lane(friction, q.friction_impulse, lane);
     p.apply(friction - old_friction, rows.velocity);
   }
 }

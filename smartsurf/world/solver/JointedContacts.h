@@ -6,8 +6,8 @@
 // error without adding energy; what is left is greatest where one contact bears many links, and the impulses
 // carry over to the next substep.
 //
-// What carries over is a load, which two substeps in a row have borne: a blow that struck once more would set
-// the chain in motion, and the turns are too few to take that back.
+// Only loads carry over, the impulses that two substeps in a row have borne: a blow that struck once more
+// would set the chain in motion, and the turns are too few to take that back.
 #pragma once
 
 #include <cstdint>
@@ -48,7 +48,7 @@ class JointedContacts {
   struct Point {
     std::int32_t index, lane;  // in the batch points
     std::int32_t row[2];       // −1: does not move
-    bool is_pair, is_sphere;
+    ContactKind kind;
     Vec3 normal, anchor[2];
     Mat3 inverse_inertia[2];
     float separation = 0.0F;   // at the start of the stage

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
@@ -38,8 +39,8 @@ void PointContact::prepare(const PointStep& step, const Mat3& other_response) {
   tangent_mass = 1.0F / (0.5F * (tt + uu) + std::hypot(0.5F * (tt - uu), tu));
   rolling_mass = 1.0F / inverse_inertia.trace();
   const SurfaceMaterial& material = step.material[row];
-  friction = material.friction_root * step.field_material.friction_root;
-  rolling_friction = material.rolling_friction_root * step.field_material.rolling_friction_root;
+  friction = friction_of(material, step.field_material);
+  rolling_friction = rolling_friction_of(material, step.field_material);
 }
 
 Vec3 PointContact::velocity(const PointStep& step) const {

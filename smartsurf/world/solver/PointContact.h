@@ -9,7 +9,7 @@
 
 namespace smartsurf::world {
 
-// What such a solver reads and writes in a step.
+// Input and output of such a solver in a step.
 struct PointStep {
   const BodyStore& bodies;
   const SpatialPartition& partition;

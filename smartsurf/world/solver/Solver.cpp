@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/solver/SupportPoints.h"
 #include "smartsurf/world/solver/SupportSprings.h"
 
@@ -55,8 +56,6 @@ Solver& Solver::of_this_thread(const StepSettings& settings) {
 void Solver::set_up(const StepSettings& settings) {
   settings_ = settings;
   h_s_ = settings.dt_s / static_cast<float>(settings.substeps);
-  field_material_ = {0.0F, settings.field_friction_root, settings.field_rolling_friction_root,
-                     settings.field_restitution};
   pair_params_ = make_substep_params(h_s_, kPairContactHertz, settings.substeps);
   static_params_ = make_substep_params(h_s_, kStaticContactHertz, settings.substeps);
   // Adding 0 turns −0 into +0, as the sum with a zero wrench in external_velocity_change() does.
@@ -73,7 +72,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
     if (!input.joints.empty()) input.joints.begin_step(bodies, input.partition, settings_.substeps);
   });
-  const bool any_restitution = settings_.field_restitution > 0.0F || bodies.restituting > 0;
+  const bool any_restitution = settings_.field_material.restitution > 0.0F || bodies.restituting > 0;
   StepContext context{.bodies = bodies,
                       .input = input,
                       .partition = input.partition,
@@ -87,9 +86,9 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
                       .all_spheres = bodies.non_spheres == 0,
                       .gravity_change = gravity_change_,
                       .active_rows = find_active_rows(input.partition, own_slabs, member.index),
-                      .deep_contacts = deep_contacts_[member.index],
+                      .jammed_bodies = jammed_bodies_[member.index],
                       .supports = supports_[member.index]};
-  context.deep_contacts.clear();
+  context.jammed_bodies.clear();
   run_stages(context, member);
 }
 
@@ -106,7 +105,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   shared_batches_.resize(partition.row_count(), member_count);
   impacts_.reset(member_count);
   heavy_islands_.reset(member_count, rows, graph_.batch_count());
-  deep_contacts_.resize(member_count);
+  jammed_bodies_.resize(member_count);
   active_rows_.resize(member_count);
   supports_.resize(member_count);
 }
@@ -114,19 +113,32 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them,
 // so that a member's own batches overlap with the wait. Calls outside keep arrive() and wait() balanced.
 void Solver::run_stages(StepContext& context, const Member& member) {
-  const float h_s = context.static_params.h_s;
   load_bodies(context);
-  if (graph_.point_count() == 0 && !context.has_side_stages() && !context.input.has_wrenches)
+  if (graph_.point_count() == 0 && !context.has_joint_or_tip_stage() && !context.input.has_wrenches)
     return run_free(context, member);
+  prepare_step(context, member);
+  for (int substep = 0; substep < settings_.substeps; ++substep) run_substep(context, member, substep);
+  finish_step(context, member);
+}
+
+// Up to the warm start of the first substep.
+void Solver::prepare_step(StepContext& context, const Member& member) {
+  const HeavyIslandSolver::Step heavy_step{.graph = graph_,
+                                           .bodies = context.bodies,
+                                           .partition = context.partition,
+                                           .points = batch_points(),
+                                           .velocity = velocity_.data(),
+                                           .supports = context.input.supports,
+                                           .gravity = settings_.gravity,
+                                           .h_s = h_s_};
   if (member.member_count > 1) shared_batches_.clear_marks(context.own_rows);
   member.arrive_and_wait();
   for_each_own_batch(context, member, [&](ContactKind kind, int batch) {
     prepare_batch(context, kind, batch);
     if (context.may_impact()) find_impact_candidates(context, kind, batch, member);
     if (!context.all_spheres)
-      heavy_islands_.find_heavy_lanes(graph_, batch, kind, batch_points(), velocity_.data(),
-                                      is_pair(kind) ? context.pair_params : context.static_params,
-                                      h_s * settings_.gravity, member.index);
+      heavy_islands_.find_heavy_lanes(heavy_step, batch, kind,
+                                      is_pair(kind) ? context.pair_params : context.static_params, member);
   });
   member.arrive_and_wait();
   if (member.member_count > 1) {
@@ -140,77 +152,68 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     collect_supports(context, member);
     prepare_supports(context);
   }
-  if (heavy_islands_.any_heavy_lane())
-    heavy_islands_.build({graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
-                          context.input.supports, settings_.gravity, h_s},
-                         context.own_rows, member);
+  if (heavy_islands_.any_heavy_lane()) heavy_islands_.build(heavy_step, context.own_rows, member);
   integrate_velocities(context, true);
-  if (context.input.has_turning_cells) {
+  if (context.input.has_surface_spin) {
     member.arrive_and_wait();
-    lead_turning_cells(context, member, 0.5F * h_s);
+    update_spinning_surface_velocities(context, member, 0.5F * h_s_);
   }
   member.arrive();
   JointSolver& joints = context.input.joints;
-  const JointSolver::Substep substep{context.static_params.h_s, settings_.gravity};
-  const PointStep point_step{.bodies = context.bodies,
-                             .partition = context.partition,
-                             .static_contacts = context.input.static_contacts,
-                             .field_material = field_material_,
-                             .params = context.static_params,
-                             .velocity = velocity_.data(),
-                             .delta_pose = delta_pose_.data(),
-                             .material = material_.data()};
-  const bool has_side_stages = context.has_side_stages();
-  run_side_stage(
+  run_joint_and_tip_stage(
       context, member,
       [&](IndexRange trees) { joints.begin_trees(context.bodies, context.partition, joint_rows(), trees); },
-      [&](auto& points, auto... share) { points.begin_step(point_step, share...); });
-  if (!joints.empty()) {
-    member.wait();
-    if (member.is_caller()) {
+      [&](auto& points, auto... share) { points.begin_step(point_step(context), share...); });
+  if (!joints.empty())
+    member.on_caller([&] {
       jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data());
       if (!jointed_contacts_.empty()) joints.select_touched(jointed_contacts_.touched_rows());
-    }
-    member.arrive();
-  }
-  const ContactKernelTable& k = context.kernels;
-  run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
-  for (int s = 0; s < settings_.substeps; ++s) {
-    // The side stages use the rows of all members, which their own batches of the warm start have written.
-    if (s > 0 || has_side_stages) {
-      member.wait();
-      if (s > 0 && context.input.has_turning_cells) {
-        lead_turning_cells(context, member, h_s);
-        member.arrive_and_wait();
-      }
-      if (s > 0) integrate_velocities(context, false);
-      member.arrive();
-    }
-    if (s > 0 && !joints.empty()) {
-      member.wait();
-      if (member.is_caller()) jointed_contacts_.keep_loads(batch_points(), context.solver_bodies);
-      member.arrive();
-    }
-    if (has_side_stages)
-      run_side_stage(
-          context, member,
-          [&](IndexRange trees) { joints.solve(context.bodies, joint_rows(), substep, trees); },
-          [&](auto& points, auto... share) { points.solve(point_step, share...); });
-    run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
-    if (!joints.empty()) settle_jointed_contacts(context, member, true);
+    });
+  run_contact_stage(context, member, context.kernels.warm_start, 0.0F, SupportStage::kWarmStart);
+}
+
+void Solver::run_substep(StepContext& context, const Member& member, int substep) {
+  JointSolver& joints = context.input.joints;
+  const bool is_first = substep == 0, has_joint_or_tip_stage = context.has_joint_or_tip_stage();
+  // The stages of joints and tips use the rows of all members, which their own batches of the warm start have
+  // written.
+  if (!is_first || has_joint_or_tip_stage) {
     member.wait();
-    integrate_positions(context);
+    if (!is_first && context.input.has_surface_spin) {
+      update_spinning_surface_velocities(context, member, h_s_);
+      member.arrive_and_wait();
+    }
+    if (!is_first) integrate_velocities(context, false);
     member.arrive();
-    if (has_side_stages)
-      run_side_stage(
-          context, member, [&](IndexRange trees) { joints.relax(joint_rows(), trees); },
-          [&](auto& points, auto... share) { points.relax(point_step, share...); });
-    run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
-    if (!joints.empty()) settle_jointed_contacts(context, member, false);
   }
+  if (!is_first && !joints.empty())
+    member.on_caller([&] { jointed_contacts_.keep_loads(batch_points(), context.solver_bodies); });
+  if (has_joint_or_tip_stage)
+    run_joint_and_tip_stage(
+        context, member,
+        [&](IndexRange trees) {
+          joints.solve(context.bodies, joint_rows(), {h_s_, settings_.gravity}, trees);
+        },
+        [&](auto& points, auto... share) { points.solve(point_step(context), share...); });
+  run_contact_stage(context, member, context.kernels.solve, static_cast<float>(substep) * h_s_,
+                    SupportStage::kSolve);
+  if (!joints.empty()) settle_jointed_contacts(context, member, true);
+  member.wait();
+  integrate_positions(context);
+  member.arrive();
+  if (has_joint_or_tip_stage)
+    run_joint_and_tip_stage(
+        context, member, [&](IndexRange trees) { joints.relax(joint_rows(), trees); },
+        [&](auto& points, auto... share) { points.relax(point_step(context), share...); });
+  run_contact_stage(context, member, context.kernels.relax, 0.0F, SupportStage::kRelax);
+  if (!joints.empty()) settle_jointed_contacts(context, member, false);
+}
+
+void Solver::finish_step(StepContext& context, const Member& member) {
+  const bool has_joints = !context.input.joints.empty();
   // Support patches, heavy islands and jointed bodies change impulses in batches of other members.
-  if (has_supports_ || !heavy_islands_.empty() || !joints.empty()) member.wait();
-  if (!joints.empty()) {
+  if (has_supports_ || !heavy_islands_.empty() || has_joints) member.wait();
+  if (has_joints) {
     if (member.is_caller()) jointed_contacts_.end_step(batch_points());
     member.arrive_and_wait();
   }
@@ -309,11 +312,11 @@ void Solver::integrate_velocities(StepContext& context, bool first) {
   }
 }
 
-// The surface of a cell that turns has another velocity wherever a body is: that of the middle of each
+// The surface of a spinning cell has another velocity wherever a body is: that of the middle of each
 // substep is taken (the midpoint rule), as the body moves for another `time_s`. All of a body's points move
 // with its centre, because anchors keep the orientation that they had at the start of the step. Reads rows of
 // other members: nobody may write them meanwhile.
-void Solver::lead_turning_cells(StepContext& context, const Member& member, float time_s) {
+void Solver::update_spinning_surface_velocities(StepContext& context, const Member& member, float time_s) {
   const auto turned = [&](int row, float spin) {
     const float(&v)[3] = velocity_[row].velocity;
     return Vec3(time_s * spin * Vec3(-v[1], v[0], 0.0F));
@@ -327,9 +330,8 @@ void Solver::lead_turning_cells(StepContext& context, const Member& member, floa
         for (int lane = 0; lane < o.lane_count; ++lane) {
           BatchPointDetail& d = detail_[k];
           if (d.surface_spin[lane] == 0.0F) continue;
-          const float(&n)[3][kLanes] = point_[k].normal;
-          const Vec3 normal(n[0][lane], n[1][lane], n[2][lane]),
-              change = turned(o.a[lane], d.surface_spin[lane]);
+          const Vec3 normal = load_lane(point_[k].normal, lane),
+                     change = turned(o.a[lane], d.surface_spin[lane]);
           const Vec3 along = change - normal * normal.dot(change);
           for (int axis = 0; axis < 3; ++axis) d.surface_velocity[axis][lane] += along[axis];
         }
@@ -439,11 +441,11 @@ void Solver::run_supports(StepContext& context, const Member& member, SupportSta
   member.arrive();
 }
 
-// What moves bodies of any member: joints, each member some of their trees; then contacts with yielding tips,
+// These move bodies of any member: joints, each member some of their trees; then contacts with yielding tips,
 // each member some of their islands; then, on the caller alone, contacts with an elastic skin.
 template <class OnJoints, class OnPoints>
-void Solver::run_side_stage(const StepContext& context, const Member& member, OnJoints on_joints,
-                            OnPoints on_points) {
+void Solver::run_joint_and_tip_stage(const StepContext& context, const Member& member, OnJoints on_joints,
+                                     OnPoints on_points) {
   JointSolver& joints = context.input.joints;
   TipSolver& tips = context.input.tips;
   SkinSolver& skin = context.input.skin;
@@ -455,25 +457,36 @@ void Solver::run_side_stage(const StepContext& context, const Member& member, On
   };
   run(!joints.empty(), [&] { on_joints(joints.share(member)); });
   run(!tips.empty(), [&] { on_points(tips, tips.share(member)); });
-  run(!skin.empty(), [&] {
-    if (member.is_caller()) on_points(skin);
-  });
+  if (!skin.empty()) member.on_caller([&] { on_points(skin); });
+}
+
+PointStep Solver::point_step(const StepContext& context) {
+  return {.bodies = context.bodies,
+          .partition = context.partition,
+          .static_contacts = context.input.static_contacts,
+          .field_material = settings_.field_material,
+          .params = context.static_params,
+          .velocity = velocity_.data(),
+          .delta_pose = delta_pose_.data(),
+          .material = material_.data()};
 }
 
 // Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold.
 // There are joints.
 void Solver::settle_jointed_contacts(StepContext& context, const Member& member, bool is_soft) {
   constexpr int kMaxTurns = 30;
-  constexpr double kHolds = 1e-4;  // u/s
+  constexpr double kJointTolerance_ups = 1e-4;
   JointSolver& joints = context.input.joints;
   member.wait();
-  member.arrive_and_wait();  // the last batches of a stage come after its last arrival
-  if (member.is_caller() && !jointed_contacts_.empty()) {
+  member.arrive();  // the last batches of a stage come after its last arrival
+  member.on_caller([&] {
+    if (jointed_contacts_.empty()) return;
     const BatchPoints points = batch_points();
     jointed_contacts_.begin_stage(points, context.solver_bodies, context.pair_params, context.static_params,
                                   is_soft);
     for (int turn = 0; turn < kMaxTurns; ++turn) {
-      if (!(is_soft ? joints.solve_again(joint_rows(), kHolds) : joints.relax_again(joint_rows(), kHolds)))
+      if (!(is_soft ? joints.solve_again(joint_rows(), kJointTolerance_ups)
+                    : joints.relax_again(joint_rows(), kJointTolerance_ups)))
         break;
       jointed_contacts_.sweep(points, context.solver_bodies, context.pair_params, context.static_params,
                               is_soft);
@@ -490,8 +503,7 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
             solve_supports(batch, jointed, points, is_soft, velocity_.data(), inverse_inertia_.data());
         }
     }
-  }
-  member.arrive();
+  });
 }
 
 // ---- support patches, each member those of its batches
@@ -543,7 +555,7 @@ void Solver::prepare_supports(StepContext& context) {
     batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
       const int row = p.row;
       prepare_support(batch, lane, velocity_[row], inverse_inertia_[row],
-                      material_[row].friction_root * field_material_.friction_root, substep_fraction);
+                      friction_of(material_[row], settings_.field_material), substep_fraction);
       if (p.is_elastic) prepare_springs(list, p, velocity_[row], substep_fraction);
     });
 }

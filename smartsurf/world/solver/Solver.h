@@ -34,9 +34,8 @@ namespace smartsurf::world {
 struct StepSettings {
   float dt_s;
   int substeps;
-  Vec3 gravity;  // u/s²
-  float field_friction_root, field_rolling_friction_root,
-      field_restitution;  // of field and ground; roots as in SurfaceMaterial
+  Vec3 gravity;                    // u/s²
+  SurfaceMaterial field_material;  // of field and ground
   bool operator==(const StepSettings&) const = default;
 };
 
@@ -58,16 +57,16 @@ class Solver {
     TipSolver& tips;  // after collect(), as the next
     SkinSolver& skin;
     const ImpactSolver::HasRoom& has_room;
-    bool has_turning_cells = false;
-    bool finds_loads = true;     // of support patches, see finds_loads_when_asked()
-    float deep_contact = 1e30F;  // depth from which deep_contacts() lists a contact, u
+    bool has_surface_spin = false;  // of any cell
+    bool finds_loads = true;        // of support patches, see finds_loads_when_asked()
+    float min_jam_depth = 1e30F;    // of contacts whose bodies jammed_bodies() lists, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in
   // the solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
   void step(BodyStore&, const Input&, const Member&);
   // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A
   // body may occur repeatedly.
-  std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
+  std::span<const std::vector<JammedBody>> jammed_bodies() const { return jammed_bodies_; }
   // The motion of a row's body in the step, and its velocity at the end.
   const DeltaPose& motion(int row) const { return delta_pose_[row]; }
   const BodyVelocity& velocity(int row) const { return velocity_[row]; }
@@ -79,7 +78,7 @@ class Solver {
       delta.rotation[axis] = fraction * motion.rotation[axis];
     }
   }
-  // Likewise of bodies with joints; see JointSolver::end_early().
+  // Ends the motion of trees of joints earlier; see JointSolver::end_early().
   void move_back(JointSolver& joints, const BodyStore& bodies) {
     const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
     joints.move_back(bodies, joint_rows(), {h_s, settings_.gravity});
@@ -88,7 +87,7 @@ class Solver {
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
  private:
-  // What the stages of a step share. Each member has its own.
+  // Data that the stages of a step share. Each member has its own.
   struct StepContext {
     BodyStore& bodies;
     const Input& input;
@@ -102,11 +101,11 @@ class Solver {
     bool all_spheres;
     const BodyVelocity& gravity_change;       // per substep
     std::span<const IndexRange> active_rows;  // of the member's slabs
-    std::vector<DeepContact>& deep_contacts;  // of the member
+    std::vector<JammedBody>& jammed_bodies;   // of the member
     std::vector<SupportBatch>& supports;      // of the member's batches
 
     bool may_impact() const { return any_restitution || !all_spheres; }
-    bool has_side_stages() const {
+    bool has_joint_or_tip_stage() const {
       return !input.joints.empty() || !input.tips.empty() || !input.skin.empty();
     }
     ContactList& contact_list(ContactKind kind) const {
@@ -116,6 +115,9 @@ class Solver {
   void set_up(const StepSettings&);
   void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
+  void prepare_step(StepContext&, const Member&);
+  void run_substep(StepContext&, const Member&, int substep);
+  void finish_step(StepContext&, const Member&);
   void run_free(StepContext&, const Member&);
   template <class Each>
   void for_each_own_batch(StepContext&, const Member&, Each each);
@@ -135,13 +137,12 @@ class Solver {
   void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);
   void solve_impacts(StepContext&, const Member&);
-  const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
   void store_impulses(StepContext&, ContactKind, int batch);
   std::span<const IndexRange> find_active_rows(const SpatialPartition&, IndexRange slabs, int member);
   void load_bodies(StepContext&);
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
-  void lead_turning_cells(StepContext&, const Member&, float time_s);
+  void update_spinning_surface_velocities(StepContext&, const Member&, float time_s);
   void integrate_positions(StepContext&);
   enum class SupportStage { kWarmStart, kSolve, kRelax };
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
@@ -151,7 +152,8 @@ class Solver {
   template <class Each>
   static void for_each_own_support(const StepContext&, Each each);
   template <class OnJoints, class OnPoints>
-  void run_side_stage(const StepContext&, const Member&, OnJoints, OnPoints);
+  void run_joint_and_tip_stage(const StepContext&, const Member&, OnJoints, OnPoints);
+  PointStep point_step(const StepContext&);
   JointSolver::Rows joint_rows() { return {velocity_.data(), start_velocity_.data(), delta_pose_.data()}; }
   void settle_jointed_contacts(StepContext&, const Member&, bool is_soft);
   void prepare_supports(StepContext&);
@@ -163,7 +165,6 @@ class Solver {
   StepSettings settings_;
   // ---- derived from the settings
   float h_s_;
-  SurfaceMaterial field_material_;
   SubstepParams pair_params_, static_params_;
   BodyVelocity gravity_change_;  // per substep
   ConstraintGraph graph_;
@@ -185,10 +186,10 @@ class Solver {
     std::int32_t slab = -1, patch = 0;  // slab < 0: none
   };
   std::vector<SupportReference> support_of_row_;
-  bool has_supports_ = false;                            // in this step
-  std::vector<std::vector<SupportBatch>> supports_;      // by member, of its batches
-  std::vector<std::vector<DeepContact>> deep_contacts_;  // one list per member
-  std::vector<std::vector<IndexRange>> active_rows_;     // likewise
+  bool has_supports_ = false;                           // in this step
+  std::vector<std::vector<SupportBatch>> supports_;     // by member, of its batches
+  std::vector<std::vector<JammedBody>> jammed_bodies_;  // one list per member
+  std::vector<std::vector<IndexRange>> active_rows_;    // likewise
   std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep
 };
 

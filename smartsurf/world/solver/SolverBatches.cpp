@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "common/memory/Prefetch.h"
+#include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/Solver.h"
@@ -16,11 +17,8 @@ constexpr float kPressingNormalZ = 0.5F;  // of contacts that press a body down
 constexpr float kLeastEscape = 0.5F;
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
 
-void store(float (*to)[kLanes], int lane, const Vec3& from) {
-  for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
-}
 // The floats of Contact, and the rows of four that batches copy: normal and anchor x; anchor y, z, separation
-// and other; normal and friction impulse; surface velocity and spin; rolling and total normal impulse.
+// and partner; normal and friction impulse; surface velocity and spin; rolling and total normal impulse.
 constexpr std::size_t kNormalRow = 0, kAnchorRow = 16, kSurfaceRow = 36, kImpulseRow = 56, kRollingRow = 72;
 static_assert(offsetof(Contact, normal) == kNormalRow && offsetof(Contact, anchor) == kAnchorRow - 4 &&
               offsetof(Contact, separation) == kAnchorRow + 8 &&
@@ -56,8 +54,6 @@ const Contact kNoContact = [] {
   c.separation = kUnusedSeparation;
   return c;
 }();
-
-Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 }  // namespace
 
@@ -132,7 +128,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
           (is_limited && c.max_cell_impulse < -kLimitMargin * p.normal_mass[lane] * speed);
       if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
       const float restitution =
-          std::max(material_[o.a[lane]].restitution, material_of_b(context, m, c).restitution);
+          restitution_of(material_[o.a[lane]], material_of_b(context.bodies, settings_.field_material, m, c));
       if (restitution == 0.0F && (in_substeps || !lands_flat)) continue;
       impacts_.add(member.index, {is_pair(kind), in_substeps, manifold, m.first + k, speed});
       if (!in_substeps) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
@@ -141,16 +137,18 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
 }
 
 void Solver::solve_impacts(StepContext& context, const Member& member) {
-  impacts_.solve({context.bodies, context.partition, context.input.pair_contacts,
-                  context.input.static_contacts, context.input.cell_limits, field_material_, settings_.dt_s,
-                  settings_.substeps, context.input.has_room, velocity_.data(), delta_pose_.data()},
+  impacts_.solve({.bodies = context.bodies,
+                  .partition = context.partition,
+                  .pair_contacts = context.input.pair_contacts,
+                  .static_contacts = context.input.static_contacts,
+                  .cell_limits = context.input.cell_limits,
+                  .field_material = settings_.field_material,
+                  .dt_s = settings_.dt_s,
+                  .substeps = settings_.substeps,
+                  .has_room = context.input.has_room,
+                  .velocity = velocity_.data(),
+                  .delta_pose = delta_pose_.data()},
                  member);
-}
-
-const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const Manifold& m,
-                                             const Contact& c) const {
-  const std::int32_t other = other_body(m, c);
-  return other >= 0 ? material_[context.partition.row(other)] : field_material_;
 }
 
 // Unused lanes refer to the bodies of the first lane, so that loads stay valid; they are never stored.
@@ -191,8 +189,8 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
   } lanes;
   const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
     const SurfaceMaterial& a = material_[o.a[lane]];
-    lanes.friction[lane] = a.friction_root * b.friction_root;
-    lanes.rolling_friction[lane] = a.rolling_friction_root * b.rolling_friction_root;
+    lanes.friction[lane] = friction_of(a, b);
+    lanes.rolling_friction[lane] = rolling_friction_of(a, b);
     o.has_rolling_friction |= lanes.rolling_friction[lane] > 0.0F;
   };
   for (int lane = 0; lane < o.lane_count; ++lane) {
@@ -208,7 +206,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       for (int k = 0; k < m.count; ++k) {
         const Contact& c = of.first[lane][k];
         if (!of.has(lane, k)) continue;
-        set_friction(lane, material_of_b(context, m, c));
+        set_friction(lane, material_of_b(context.bodies, settings_.field_material, m, c));
         patch_points += c.touches_body() && c.twist_friction_loss > 0.0F ? 1 : 0;
       }
       set_face_patch(patch_points);
@@ -219,9 +217,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     set_friction(lane, b);
     if (of_spheres) continue;
     if (of.first[lane]->twist_friction_loss > 0.0F) set_face_patch(m.count);
-    store(lanes.position_a, lane, position[m.a]);
-    store(lanes.position_b, lane, position[m.b]);
-    store(lanes.relative_velocity, lane, context.bodies.velocity(m.a) - context.bodies.velocity(m.b));
+    store_lane(position[m.a], lanes.position_a, lane);
+    store_lane(position[m.b], lanes.position_b, lane);
+    store_lane(context.bodies.velocity(m.a) - context.bodies.velocity(m.b), lanes.relative_velocity, lane);
   }
   for (int k = 0; k < o.point_count; ++k) {
     BatchPoint& p = point_[o.first_point + k];
@@ -232,9 +230,9 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       if (!of.has(lane, k)) continue;
       c[lane] = of.first[lane] + k;
       if (of_pairs) continue;
-      set_friction(lane, material_of_b(context, *of.manifold[lane], *c[lane]));
-      if (c[lane]->partner == Partner::kSupportedCell)
-        lanes.friction[lane] = 0.0F;  // the patch has the friction
+      set_friction(lane,
+                   material_of_b(context.bodies, settings_.field_material, *of.manifold[lane], *c[lane]));
+      if (c[lane]->is_in_patch()) lanes.friction[lane] = 0.0F;
     }
     for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
       const Contact* const* const four = c + lane;
@@ -298,7 +296,7 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
         d.steady_impulse[lane] = 0.0F;
     }
     for (int lane = 0; !of_pairs && lane < o.lane_count; ++lane)
-      if (c[lane]->partner == Partner::kSupportedCell) store(p.friction_impulse, lane, Vec3::Zero());
+      if (c[lane]->is_in_patch()) store_lane(Vec3::Zero(), p.friction_impulse, lane);
   }
 }
 
@@ -337,7 +335,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   const ContactBatch& o = graph_.batch(index);
   const BatchContacts of = contacts_of_batch(context, kind, index);
   float depth[kLanes];
-  std::fill_n(depth, kLanes, context.input.deep_contact);
+  std::fill_n(depth, kLanes, context.input.min_jam_depth);
   for (int k = 0; k < o.point_count; ++k) {
     const BatchPoint& p = point_[o.first_point + k];
     const BatchPointDetail& d = detail_[o.first_point + k];
@@ -353,12 +351,12 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
       if (!of.has(lane, k)) continue;
       Contact& c = of.first[lane][k];
       c.total_normal_impulse = p.total_normal_impulse[lane];
-      if (o.has_rolling_friction) c.rolling_impulse = load(d.rolling_impulse, lane);
+      if (o.has_rolling_friction) c.rolling_impulse = load_lane(d.rolling_impulse, lane);
     }
   }
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = *of.manifold[lane];
-    if (depth[lane] > context.input.deep_contact) {
+    if (depth[lane] > context.input.min_jam_depth) {
       const Contact& deepest = *std::min_element(
           of.first[lane], of.first[lane] + m.count,
           [](const Contact& one, const Contact& other) { return one.separation < other.separation; });
@@ -371,8 +369,8 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
         const float lower = upward > 0.0F ? of_b : of_a, upper = upward > 0.0F ? of_a : of_b;
         if (lower > 0.0F && upper >= kLeastEscape * lower) continue;
       }
-      context.deep_contacts.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
-      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth[lane], upward > kPressingNormalZ});
+      context.jammed_bodies.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
+      if (m.b >= 0) context.jammed_bodies.push_back({m.b, depth[lane], upward > kPressingNormalZ});
     }
     if (!o.has_impulse_limit || is_pair(kind)) continue;
     for (int k = 0; k < m.count; ++k) {

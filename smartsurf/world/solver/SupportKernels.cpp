@@ -311,7 +311,7 @@ std::uint32_t stick(const SupportLanes& s, const SupportFriction& f, SupportFric
   return found;
 }
 
-// What solve_points() reads of the bodies, by lane.
+// The motion of the bodies, by lane, for solve_points().
 struct SupportedBodies {
   float velocity_z[kLanes], spin_x[kLanes], spin_y[kLanes];
   float moved_z[kLanes], turned_x[kLanes], turned_y[kLanes];

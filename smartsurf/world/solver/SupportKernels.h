@@ -39,7 +39,7 @@ struct SupportLanes {
   void set_body(int lane, float inverse_mass, const InverseInertia&);
 };
 
-// What friction needs to know of these patches for a step; see SupportPatch and SupportSolver.h.
+// Parameters of the friction of these patches for a step; see SupportPatch and SupportSolver.h.
 struct SupportFriction {
   std::uint32_t lanes = 0;            // with a patch: a bit for each
   std::uint32_t points[kLanes] = {};  // as in SupportLanes; 0 if the wrench of the lane is found elsewhere
@@ -49,7 +49,7 @@ struct SupportFriction {
   float lumps[kLanes] = {};  // 1: the samples may be solved as one
   SupportSampleView samples[kLanes];
 };
-// What a stage of friction reads and finds. A set of lanes has a bit for each.
+// Input and output of a stage of friction. A set of lanes has a bit for each.
 struct SupportFrictionStage {
   float lumps[kLanes] = {};        // that of SupportFriction in the lanes to be solved, 0 in others
   double impulse[3][kLanes] = {};  // of the last stage, then of this one: force along x and y, torque about z

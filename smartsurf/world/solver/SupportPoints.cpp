@@ -27,7 +27,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
                           const InverseInertia& w) {
   using support::Matrix3, support::Vector3;
   // A cell whose load comes near to what it can give may slow down under it: that is left to the sweeps.
-  constexpr float kExhausted = 0.9F;
+  constexpr float kExhaustedLoadFraction = 0.9F;
   bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
   struct Point {
     std::int32_t index;  // in BatchPoints
@@ -60,7 +60,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     const float x = d.anchor_a[0][lane], y = d.anchor_a[1][lane], rise = d.surface_velocity[2][lane];
     float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise, lag = 0.0F;
     if (limit) {
-      any_exhausted |= limit->load[lane] > kExhausted * limit->capacity[lane];
+      any_exhausted |= limit->load[lane] > kExhaustedLoadFraction * limit->capacity[lane];
       speed += points.limit[k].planned_speed[lane] - limit->speed[lane];
       lag = limit->lag[lane];
     }

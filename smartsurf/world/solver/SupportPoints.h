@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <span>
 
 #include "smartsurf/world/field/SupportPatch.h"
@@ -19,6 +20,31 @@ inline Vector3 solve(const Matrix3& a, const Vector3& b) {
       law::SymmetricMat3<double>{a(0, 0), a(1, 1), a(2, 2), a(0, 1), a(0, 2), a(1, 2)}, {b[0], b[1], b[2]});
   return {x.x, x.y, x.z};
 }
+
+// Newton's method with a line search, on a convex function.
+struct LineSearch {
+  Vector3 point;         // where the gradient is to be found next
+  Vector3 best = point;  // the last point that was accepted
+  Vector3 step = Vector3::Zero();
+  double fraction = 1.0, descent = 0.0;  // descent: −derivative along `step` at `best`
+
+  // Accepts the point, or moves it back if it is too far. Returns whether it was.
+  bool accept(const Vector3& gradient) {
+    const double ascent = gradient.dot(step);
+    if (ascent > 0.5 * descent) {
+      fraction *= std::max(0.1, descent / (descent + ascent));
+      point = best + fraction * step;
+      return false;
+    }
+    best = point;
+    return true;
+  }
+  void take(const Vector3& newton_step, const Vector3& gradient) {
+    step = newton_step;
+    fraction = 1.0, descent = -gradient.dot(step);
+    point = best + step;
+  }
+};
 
 // Applies vertical impulses at points (x, y) of a body: their sum, and the sums of impulse·x and impulse·y.
 inline void apply_wrench(const Vector3& wrench, BodyVelocity& m, const InverseInertia& w) {
@@ -40,7 +66,7 @@ void for_each_share(const SupportPatches& list, const SupportPatch& p, BatchPoin
   for (int i = p.first_point; i < p.first_point + p.point_count; ++i) {
     const std::int32_t k = p.batch_point + list.points[i];
     BatchPointLimit* limit = nullptr;
-    if (p.has_impulse_limit && points.limit[k].stall_impulse[p.lane] < BatchPointLimit::kUnlimited)
+    if (p.has_impulse_limit && points.limit[k].is_limited(p.lane))
       limit = &points.limit[k] + points.limit[k].to_first[p.lane];
     each(k, limit, list.shares[i]);
   }

@@ -109,42 +109,35 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
     const Vector3 sums = ratio * Vector3(p.load_sums);
     load += newton_step(sums + compliance.cwiseProduct(load) - target, symmetric(p.load_stiffness));
   }
-  Vector3 best = load, step = Vector3::Zero();
-  double total = 0.0, fraction = 1.0, descent = 0.0;  // descent: −derivative along `step` at `best`
+  support::LineSearch search{.point = load};
+  double total = 0.0;
   for (int pass = 0; pass < (is_limited ? kMaxLimitedLoadPasses : kMaxLoadPasses); ++pass) {
     float in_world[3];
-    const double coefficients[3] = {load[0], load[1], load[2]};
+    const double coefficients[3] = {search.point[0], search.point[1], search.point[2]};
     in_world_axes(p, coefficients, 1.0, in_world);
     LoadSums raw;
     support_kernels().sum_loads(samples, in_world, raw);
     if (pass == 0 && !(raw.load[0] > 0.0)) {  // no sample bears: only a warm start can be that far off
-      load = uniform;
+      search.point = uniform;
       continue;
     }
     const ScaledSums sums = scaled(p, raw);
-    const Vector3 residual = sums.load + compliance.cwiseProduct(load) - target;
-    const double ascent = residual.dot(step);
-    if (ascent > 0.5 * descent) {  // too far
-      fraction *= std::max(0.1, descent / (descent + ascent));
-      load = best + fraction * step;
-      continue;
-    }
-    best = load, total = raw.load[0];
+    const Vector3 residual = sums.load + compliance.cwiseProduct(search.point) - target;
+    if (!search.accept(residual)) continue;
+    total = raw.load[0];
     for (int i = 0; i < 3; ++i) p.load_sums[i] = sums.load[i];
     store(sums.stiffness, p.load_stiffness);
     const double inverse_total = total > 0.0 ? 1.0 / total : 0.0;
     p.offset_x = (target[1] / force - sums.load[1] * inverse_total) * p.scale;
     p.offset_y = (target[2] / force - sums.load[2] * inverse_total) * p.scale;
     if (residual.cwiseAbs().maxCoeff() <= kLoadTolerance * force) break;
-    step = newton_step(residual, sums.stiffness);
-    fraction = 1.0, descent = -residual.dot(step);
-    load = best + step;
+    search.take(newton_step(residual, sums.stiffness), residual);
   }
   if (total > 0.0 && !is_limited) {
-    best *= force / total;
+    search.best *= force / total;
     for (double& sum : p.load_sums) sum *= force / total;
   }
-  for (int i = 0; i < 3; ++i) p.load[i] = best[i];
+  for (int i = 0; i < 3; ++i) p.load[i] = search.best[i];
   p.force = force;
 }
 
@@ -241,7 +234,7 @@ void distribute_within_limits(SupportPatches& list, SupportPatch& p, BatchPoints
 // True if no cell had a load near its limit in the last step.
 bool is_lightly_loaded(SupportPatches& list, const SupportPatch& p, float substep_fraction,
                        std::span<const Contact> contacts) {
-  constexpr float kLight = 0.7F;  // of the limit
+  constexpr float kLightLoadFraction = 0.7F;  // of the limit
   float* const load = &list.samples.load[p.first];
   std::fill_n(load, p.count, 0.0F);
   bool is_light = true;
@@ -250,7 +243,7 @@ bool is_lightly_loaded(SupportPatches& list, const SupportPatch& p, float subste
     const Contact& c = contacts[list.points[k]];
     float& sum = load[list.shares[k].sample];
     sum += c.normal_impulse;
-    is_light &= sum <= kLight * substep_fraction * c.max_cell_impulse;
+    is_light &= sum <= kLightLoadFraction * substep_fraction * c.max_cell_impulse;
   }
   return is_light;
 }

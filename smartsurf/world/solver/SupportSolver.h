@@ -29,8 +29,8 @@ struct SupportBatch {
   SupportPatches* list[kLanes] = {};
   SupportPatch* patch[kLanes] = {};     // null: the lane has none
   std::span<Contact> contacts[kLanes];  // of the body with what is static
-  // Whether the points of any are solved with the others, by themselves, and whether their wrench is found
-  // by itself.
+  // True if the points of any patch are solved with those of the others, or by themselves, or its wrench is
+  // found by itself.
   bool any_in_lanes = false, any_alone = false, any_wrench_alone = false;
   SupportLanes lanes;
   SupportFriction friction;

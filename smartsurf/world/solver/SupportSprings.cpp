@@ -84,9 +84,9 @@ Vector3 balance(std::span<const LinearLoad> loads, const Matrix3& inertia, const
   constexpr int kMaxNewtonSteps = 40;
   thread_local std::vector<char> bears;
   bears.assign(loads.size(), -1);
-  Vector3 best = start, motion = start, step = Vector3::Zero();
-  double descent = 0.0, fraction = 1.0;
+  support::LineSearch search{.point = start};
   for (int pass = 0; pass < kMaxNewtonSteps; ++pass) {
+    const Vector3& motion = search.point;
     Vector3 residual = inertia * (motion - start) + applied;
     Matrix3 stiffness = inertia;
     bool is_same = true;
@@ -100,20 +100,10 @@ Vector3 balance(std::span<const LinearLoad> loads, const Matrix3& inertia, const
       residual -= impulse * load.at;
       stiffness += load.per_speed * load.at * load.at.transpose();
     }
-    if (is_same && fraction == 1.0) return motion;  // a full step within one piece is exact
-    const double ascent = residual.dot(step);
-    if (ascent > 0.5 * descent) {
-      fraction *= std::max(0.1, descent / (descent + ascent));
-      motion = best + fraction * step;
-      continue;
-    }
-    best = motion;
-    step = support::solve(stiffness, -residual);
-    descent = -residual.dot(step);
-    fraction = 1.0;
-    motion = best + step;
+    if (is_same && search.fraction == 1.0) return motion;  // a full step within one piece is exact
+    if (search.accept(residual)) search.take(support::solve(stiffness, -residual), residual);
   }
-  return best;
+  return search.best;
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ float greatest_share(const Vec3& others, const Vec3& own, float limit) {
 }  // namespace
 
 Vec3 TipSolver::Tip::deflection_rate() const {
-  // What the boundary of the workspace bears does not deflect the tip.
+  // A load that the boundary of the workspace bears does not deflect the tip.
   const Vec3 borne = load - normal_load + law::clamp_length(normal_load, max_impulse);
   return law::clamp_length(borne, kMaxDeflection * max_impulse) * inverse_mass - spring_rate;
 }

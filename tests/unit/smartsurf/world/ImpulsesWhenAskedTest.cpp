@@ -64,7 +64,7 @@ TEST(ImpulsesWhenAsked, AreThoseOfEveryStep) {
       if (step % 9 == 4) {
         scene::ObjectStateUpdate update;
         update.velocity = Eigen::Vector3d(1.0, 0.0, 0.0);
-        w->engine.place(static_cast<scene::ObjectId>(12 + step % 7), update);
+        w->engine.set_state(static_cast<scene::ObjectId>(12 + step % 7), update);
       }
     }
     if (step % 3 == 0) expect_equal(each_step.engine.contacts(), when_asked.engine.contacts(), step);

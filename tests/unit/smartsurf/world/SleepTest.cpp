@@ -40,7 +40,7 @@ struct Row {
       bodies.add(static_cast<scene::ObjectId>(i), make_sphere(1.0), {});
       scene::ObjectStateUpdate update;
       update.position = Eigen::Vector3d(2.0 * i + 2, 16, 1);
-      bodies.apply_placement(static_cast<std::size_t>(i), update);
+      bodies.set_state(static_cast<std::size_t>(i), update);
       if (i > 0) add_contact_of(pairs, i - 1, i);
       add_contact_of(statics, i, Manifold::kStatic);
       active.push_back(i);
@@ -69,7 +69,7 @@ TEST(Sleep, MovingNeighbourKeepsBodyAwake) {
   Row row(3);
   scene::ObjectStateUpdate update;
   update.velocity = Eigen::Vector3d(1, 0, 0);
-  row.bodies.apply_placement(2, update);
+  row.bodies.set_state(2, update);
   row.rest(0.6F);
   EXPECT_TRUE(row.bodies.asleep[0]);
   EXPECT_FALSE(row.bodies.asleep[1]);  // touches the moving body

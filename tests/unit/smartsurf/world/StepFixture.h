@@ -33,7 +33,7 @@ struct StepFixture {
 
   explicit StepFixture(int side, float friction = 0.5F, float restitution = 0.0F, float gravity = kGravity)
       : field(make_flat_field(side)),
-        settings{kDt, 4, Vec3(0, 0, -gravity), std::sqrt(friction), 0.0F, restitution},
+        settings{kDt, 4, Vec3(0, 0, -gravity), {0.0F, std::sqrt(friction), 0.0F, restitution}},
         pipeline(field, kDt, settings.substeps, kNoGround),
         solver(settings) {
     material.friction = friction;
@@ -49,7 +49,7 @@ struct StepFixture {
     scene::ObjectStateUpdate update;
     update.position = position.cast<double>();
     update.velocity = velocity.cast<double>();
-    bodies.apply_placement(i, update);
+    bodies.set_state(i, update);
     pipeline.on_bodies_changed(bodies.size());
     return i;
   }
@@ -62,18 +62,18 @@ struct StepFixture {
   void step() {
     find_contacts();
     solver.step(bodies,
-                {pipeline.partition(),
-                 pair_contacts,
-                 static_contacts,
-                 pipeline.pair_ranges(),
-                 pipeline.static_ranges(),
-                 pipeline.supports(),
-                 {},
-                 false,
-                 joints,
-                 tips,
-                 skin,
-                 has_room},
+                {.partition = pipeline.partition(),
+                 .pair_contacts = pair_contacts,
+                 .static_contacts = static_contacts,
+                 .pair_ranges = pipeline.pair_ranges(),
+                 .static_ranges = pipeline.static_ranges(),
+                 .supports = pipeline.supports(),
+                 .cell_limits = {},
+                 .has_wrenches = false,
+                 .joints = joints,
+                 .tips = tips,
+                 .skin = skin,
+                 .has_room = has_room},
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
