@@ -14,11 +14,11 @@ namespace {
 
 using Vec = Eigen::Vector3f;
 using Mat = Eigen::Matrix3f;
-using Rgba8 = std::array<std::uint8_t, 4>;
 
+constexpr float kQuarterTurn = 1.5707963F;
 constexpr float kMinVisibleLevel = 0.02F;  // weaker forces and flows are not drawn
 
-Rgba8 to_linear_rgba8(const Rgb& srgb, float alpha = 1.0F) {
+std::array<std::uint8_t, 4> to_linear_rgba8(const Rgb& srgb, float alpha) {
   const Rgb light = linear_light(srgb);
   return {to_byte(light[0]), to_byte(light[1]), to_byte(light[2]), to_byte(alpha)};
 }
@@ -53,11 +53,10 @@ constexpr NamedColour kColours[] = {{"ivory", kIvory},
 
 std::array<float, 3> to_float3(const Vec& v) { return {v.x(), v.y(), v.z()}; }
 
-MeshInstance make_instance(const Vec& centre, const Mat& axes, const Rgba8& base_colour,
-                           const Rgba8& accent_colour) {
-  return {
-      to_float3(axes.col(0)), to_float3(axes.col(1)), to_float3(axes.col(2)), to_float3(centre), base_colour,
-      accent_colour};
+// The two angles are applied about x, then about y.
+Mat roll_pitch(const scene::ActuatorState& motion) {
+  return (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
+      .toRotationMatrix();
 }
 
 Vec to_vector(const std::vector<double>& v, std::size_t first = 0) {
@@ -219,8 +218,7 @@ void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
   InstancedMesh& added = meshes_.back();
   std::vector<float>& vertices = added.mesh.vertices;
   if (snapshot.skin_height.size() * 7 != vertices.size()) return;
-  added.instances.push_back(
-      make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSkin), to_linear_rgba8(kRubber)));
+  draw(meshes_.size() - 1, Vec::Zero(), Mat::Identity(), kSkin, kRubber);
   const auto vertex = [&](int r, int c) {
     return 7 * (std::clamp(r, 0, skin.rows - 1) * skin.columns + std::clamp(c, 0, skin.columns - 1));
   };
@@ -256,6 +254,13 @@ std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, const Vec& size, bool
   return meshes_.size() - 1;
 }
 
+void ActuatorGeometry::draw(std::size_t mesh, const Vec& at, const Mat& axes, const Rgb& base,
+                            const Rgb& accent, float base_alpha, float accent_alpha) {
+  meshes_[mesh].instances.push_back({to_float3(axes.col(0)), to_float3(axes.col(1)), to_float3(axes.col(2)),
+                                     to_float3(at), to_linear_rgba8(base, base_alpha),
+                                     to_linear_rgba8(accent, accent_alpha)});
+}
+
 void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   for (InstancedMesh& mesh : meshes_) mesh.instances.clear();
   std::ranges::fill(recess_, 0.0F);
@@ -271,16 +276,13 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   if (surface_.skin) update_skin(snapshot);
 }
 
-// The two angles are applied about x, then about y. The exact order does not matter for a visual cue.
+// The exact order of the two rotations does not matter for a visual cue.
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::ActuatorSpec& spec) {
   const float radius = std::min(float_parameter(spec, "radius"), 0.5F * top_edge_);
   const std::size_t mesh = add_mesh(ball_mesh(segments_), Vec::Constant(radius));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
-    const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
-                         .toRotationMatrix();
-    meshes_[mesh].instances.push_back(make_instance(f.top - radius * Vec::UnitZ(), radius * (f.axes * turn),
-                                                    to_linear_rgba8(kIvory), to_linear_rgba8(kOrange)));
+    draw(mesh, f.top - radius * Vec::UnitZ(), radius * (f.axes * roll_pitch(motion)), kIvory, kOrange);
     recess_[cell] = 0.75F * radius;
   };
 }
@@ -289,7 +291,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::A
   const float radius = std::min(float_parameter(spec, "radius"), 0.3F * top_edge_),
               half_width = 0.11F * top_edge_;
   const Mat set = Eigen::AngleAxisf(float_parameter(spec, "angle"), Vec::UnitZ()).toRotationMatrix();
-  const Mat left = Eigen::AngleAxisf(1.5707963F, Vec::UnitZ()).toRotationMatrix();
+  const Mat left = Eigen::AngleAxisf(kQuarterTurn, Vec::UnitZ()).toRotationMatrix();
   const Vec size(radius, half_width, radius);
   const std::size_t mesh = add_mesh(wheel_mesh(segments_), size);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
@@ -297,9 +299,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::A
     const Mat mount = f.axes * set;
     const auto add = [&](const Mat& heading, const Vec& offset, float angle) {
       const Mat turn = Eigen::AngleAxisf(angle, Vec::UnitY()).toRotationMatrix();
-      meshes_[mesh].instances.push_back(make_instance(
-          f.top + mount * (top_edge_ * offset) - radius * Vec::UnitZ(),
-          mount * heading * turn * size.asDiagonal(), to_linear_rgba8(kTyre), to_linear_rgba8(kOrange)));
+      draw(mesh, f.top + mount * (top_edge_ * offset) - radius * Vec::UnitZ(),
+           mount * heading * turn * size.asDiagonal(), kTyre, kOrange);
     };
     add(Mat::Identity(), {-0.15F, 0.22F, 0}, motion.a);
     add(left, {0.22F, -0.15F, 0}, motion.b);
@@ -318,15 +319,9 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::A
     const CellFrame f = cell_frame(cell, snapshot);
     const Mat turn = Eigen::AngleAxisf(motion.a, shape.axis).toRotationMatrix();
     const float highest = shape.max_height(turn);
-    meshes_[mesh].instances.push_back(make_instance(f.top - scale * highest * Vec::UnitZ(),
-                                                    f.axes * turn * size.asDiagonal(),
-                                                    to_linear_rgba8(kIvory), to_linear_rgba8(kOrange)));
+    draw(mesh, f.top - scale * highest * Vec::UnitZ(), f.axes * turn * size.asDiagonal(), kIvory, kOrange);
     recess_[cell] = highest;
   };
-}
-
-void ActuatorGeometry::add_hidden_part(std::size_t mesh, const MeshInstance& of_no_size) {
-  if (keeps_hidden_parts_) meshes_[mesh].instances.push_back(of_no_size);
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
@@ -335,10 +330,11 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
-    if (!(strength > kMinVisibleLevel))
-      return add_hidden_part(
-          mesh, make_instance(cell_frame(cell, snapshot).top, Mat::Zero(), to_linear_rgba8(kStrongForce),
-                              to_linear_rgba8(kStrongForce)));
+    const Vec top = cell_frame(cell, snapshot).top;
+    if (!(strength > kMinVisibleLevel)) {
+      if (keeps_hidden_parts_) draw(mesh, top, Mat::Zero(), kStrongForce, kStrongForce);
+      return;
+    }
     // Always longer than wide, so that the direction stays visible.
     const float half_length = pitch * (0.16F + 0.30F * strength),
                 half_width = pitch * (0.09F + 0.07F * strength);
@@ -349,9 +345,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
     axes << half_length * along, half_width * aside, half_width * along.cross(aside);
     // The whole arrow lies above the cell's top.
     const float over = half_length * std::abs(along.z()) + half_width;
-    const Rgba8 base_colour = to_linear_rgba8(mix_colours(kWeakForce, kStrongForce, strength));
-    meshes_[mesh].instances.push_back(
-        make_instance(cell_frame(cell, snapshot).top + over * Vec::UnitZ(), axes, base_colour, base_colour));
+    const Rgb colour = mix_colours(kWeakForce, kStrongForce, strength);
+    draw(mesh, top + over * Vec::UnitZ(), axes, colour, colour);
   };
 }
 
@@ -363,13 +358,12 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::coil_builder() {
     // The square root makes weak currents visible.
     const float strength = std::sqrt(std::min(1.0F, std::abs(motion.level)));
     const Rgb core = mix_colours(kIron, motion.level < 0.0F ? kBlue : kRed, strength);
-    meshes_[mesh].instances.push_back(
-        make_instance(f.top, f.axes * size.asDiagonal(), to_linear_rgba8(core), to_linear_rgba8(kCopper)));
+    draw(mesh, f.top, f.axes * size.asDiagonal(), core, kCopper);
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::ActuatorSpec& spec) {
-  const float tilt = float_parameter(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
+  const float lean = float_parameter(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
   const float highest = std::min(float_parameter(spec, "reach"), 2.0F * pitch);
   const Vec size(0.42F * top_edge_, 0.42F * top_edge_, 0.12F * top_edge_);
   const std::size_t nozzle = add_mesh(nozzle_mesh(segments_), size),
@@ -377,19 +371,17 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::Act
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
-    meshes_[nozzle].instances.push_back(make_instance(f.top, f.axes * size.asDiagonal(),
-                                                      to_linear_rgba8(mix_colours(kRubber, kAir, flow)),
-                                                      to_linear_rgba8(kInk)));
-    if (flow < kMinVisibleLevel)
-      return add_hidden_part(plume, make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), Mat::Zero(),
-                                                  to_linear_rgba8(kAir, 0.55F), to_linear_rgba8(kAir, 0.0F)));
-    const Vec up(std::sin(tilt) * std::cos(motion.a), std::sin(tilt) * std::sin(motion.a), std::cos(tilt));
+    draw(nozzle, f.top, f.axes * size.asDiagonal(), mix_colours(kRubber, kAir, flow), kInk);
+    const Vec mouth = f.top + 0.1F * top_edge_ * Vec::UnitZ();
+    if (flow < kMinVisibleLevel) {
+      if (keeps_hidden_parts_) draw(plume, mouth, Mat::Zero(), kAir, kAir, 0.55F, 0.0F);
+      return;
+    }
+    const Vec up(std::sin(lean) * std::cos(motion.a), std::sin(lean) * std::sin(motion.a), std::cos(lean));
     Mat axes;
     axes << 0.45F * pitch * f.axes.col(0), 0.45F * pitch * f.axes.col(1),
         highest * (0.2F + 0.8F * flow) * (f.axes * up);
-    meshes_[plume].instances.push_back(make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), axes,
-                                                     to_linear_rgba8(kAir, 0.15F + 0.4F * flow),
-                                                     to_linear_rgba8(kAir, 0.0F)));
+    draw(plume, mouth, axes, kAir, kAir, 0.15F + 0.4F * flow, 0.0F);
   };
 }
 
@@ -411,7 +403,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::Act
   if (tip.shape == scene::TipShape::kHemisphere) {
     constexpr int kRings = 6;
     for (int i = 0; i <= kRings; ++i) {
-      const float angle = 1.5707963F * static_cast<float>(i) / kRings;
+      const float angle = kQuarterTurn * static_cast<float>(i) / kRings;
       outline.emplace_back(tip.radius * std::sin(angle), tip.radius * (std::cos(angle) - 1.0F));
     }
   } else if (tip.shape == scene::TipShape::kCone) {
@@ -425,8 +417,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::Act
                                : turned_mesh(segments_, outline, -tip.height - 1e-3F));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState&) {
     const CellFrame f = cell_frame(cell, snapshot);
-    meshes_[mesh].instances.push_back(
-        make_instance(f.top, f.axes, to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
+    draw(mesh, f.top, f.axes, kRubber, kIvory);
     recess_[cell] = depth;
   };
 }
@@ -442,7 +433,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
   std::vector<Eigen::Vector2f> outline;
   for (const int end : {0, 1})  // the upper, then the lower
     for (int i = 0; i <= kRings; ++i) {
-      const float angle = 1.5707963F * (static_cast<float>(i) / kRings + static_cast<float>(end));
+      const float angle = kQuarterTurn * (static_cast<float>(i) / kRings + static_cast<float>(end));
       const float centre = end == 0 ? -radius : radius - length;
       outline.emplace_back(radius * std::sin(angle), centre + radius * std::cos(angle));
     }
@@ -458,8 +449,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec centre = cell_frame(cell, snapshot).top;
     const Vec tip = centre + workspace * Vec(motion.a, motion.b, 0.0F);
-    meshes_[tip_mesh].instances.push_back(
-        make_instance(tip, Mat::Identity(), to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
+    draw(tip_mesh, tip, Mat::Identity(), kRubber, kIvory);
     const Vec upper = tip - length * Vec::UnitZ();
     for (const Vec& joint : joints) {
       const Eigen::Vector2f aside = (centre + joint - tip).head<2>();
@@ -468,8 +458,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
       const Vec across = half_width * half_arm.unitOrthogonal();
       Mat axes;
       axes << across, half_width * half_arm.cross(across).normalized(), half_arm;
-      meshes_[arm_mesh].instances.push_back(
-          make_instance(upper + half_arm, axes, to_linear_rgba8(kInk), to_linear_rgba8(kInk)));
+      draw(arm_mesh, upper + half_arm, axes, kInk, kInk);
     }
     recess_[cell] = below;
   };
@@ -484,12 +473,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tilting_plate_builder(const 
       2.0F * half_thickness + half.head<2>().norm() * std::sin(float_parameter(spec, "max_tilt"));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
-    const Mat axes =
-        f.axes * (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
-                     .toRotationMatrix();
-    meshes_[mesh].instances.push_back(make_instance(f.top - half_thickness * Vec(axes.col(2)),
-                                                    axes * half.asDiagonal(), to_linear_rgba8(kRubber),
-                                                    to_linear_rgba8(kIdle)));
+    const Mat axes = f.axes * roll_pitch(motion);
+    draw(mesh, f.top - half_thickness * Vec(axes.col(2)), axes * half.asDiagonal(), kRubber, kIdle);
     recess_[cell] = below;
   };
 }
@@ -513,9 +498,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
     const Vec x = Vec(1, 0, east).normalized();
     Mat axes;
     axes << half.x() * (f.axes * x), half.y() * (f.axes * up.cross(x)), half.z() * (f.axes * up);
-    meshes_[mesh].instances.push_back(
-        make_instance(f.top - half.z() * Vec::UnitZ(), axes, to_linear_rgba8(kRubber),
-                      to_linear_rgba8(mix_colours(kIdle, kVibrating, std::clamp(motion.level, 0.0F, 1.0F)))));
+    draw(mesh, f.top - half.z() * Vec::UnitZ(), axes, kRubber,
+         mix_colours(kIdle, kVibrating, std::clamp(motion.level, 0.0F, 1.0F)));
     recess_[cell] = 3.0F * half.z();
   };
 }
