@@ -10,6 +10,7 @@ import sys
 # module -> modules whose headers it may include, besides its own. "common" stands for all of common/.
 MODULES = {
     "common/error": set(),
+    "common/hash": set(),
     "common/index": set(),
     "common/memory": set(),
     "common/controller": set(),
