@@ -5,6 +5,8 @@
 #include <set>
 #include <tuple>
 
+#include "common/index/UnionFind.h"
+
 namespace apron::target_c {
 namespace {
 
@@ -370,20 +372,16 @@ class RegionScheduler {
   void split_class(const Class& which, const std::vector<NodeId>& members) {
     std::map<NodeId, NodeId> parent;
     for (const NodeId id : members) parent[id] = id;
-    const auto root = [&](NodeId id) {
-      while (parent[id] != id) id = parent[id] = parent[parent[id]];
-      return id;
-    };
     for (const NodeId id : members) {
       if (nodes()[id].kind == NodeKind::kRead) continue;
       for (const NodeId operand : nodes()[id].operands)
         if (operand != kNoNode && parent.count(operand) != 0) {
-          const NodeId a = root(id), b = root(operand);
+          const NodeId a = common::find_root(parent, id), b = common::find_root(parent, operand);
           parent[std::max(a, b)] = std::min(a, b);
         }
     }
     std::map<NodeId, std::vector<NodeId>> sets;
-    for (const NodeId id : members) sets[root(id)].push_back(id);
+    for (const NodeId id : members) sets[common::find_root(parent, id)].push_back(id);
     for (const auto& [first, set] : sets) {
       for (const NodeId id : set) kernel_of_[id] = static_cast<std::uint32_t>(kernels_.size());
       kernels_.push_back({which, set});
