@@ -167,10 +167,19 @@ std::string instruction_table();
 // The names of the registers and variables that the compiler creates begin with '$', and those of a macro's
 // local names contain a ':'.
 inline bool is_temporary(std::string_view name) noexcept { return name.empty() || name.front() == '$'; }
+inline bool is_macro_name(std::string_view name) noexcept { return name.find(':') != std::string_view::npos; }
+// A name that is in the program's text.
+inline bool is_user_name(std::string_view name) noexcept {
+  return !is_temporary(name) && !is_macro_name(name);
+}
+// The name without the suffix that makes a macro's local names unique.
+inline std::string_view base_name(std::string_view name) noexcept { return name.substr(0, name.find(':')); }
 
 // The source position of an instruction, or null if it is unknown.
 const SourceLocation* find_location(const Program&, std::size_t instruction) noexcept;
 
+// Of the largest register; 1 if there is none.
+std::uint64_t max_register_cells(const Program&) noexcept;
 // The index of the register of that name.
 std::optional<std::size_t> find_register(const Program&, std::string_view name) noexcept;
 // The local name that holds at an instruction, or null. A macro's parameter $a is also found as a.

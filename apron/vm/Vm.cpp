@@ -30,10 +30,7 @@ std::uint64_t thread_time_ns() noexcept {
 
 std::uint64_t max_tick_instructions(const program::Program& program) noexcept {
   constexpr std::uint64_t kLeast = 500'000, kMost = 100'000'000, kCells = 200'000'000'000;
-  std::uint64_t cells = 1;
-  for (const program::Register& r : program.registers)
-    cells = std::max(cells, std::uint64_t{r.width} * r.height);
-  return std::clamp(kCells / cells, kLeast, kMost);
+  return std::clamp(kCells / program::max_register_cells(program), kLeast, kMost);
 }
 
 }  // namespace

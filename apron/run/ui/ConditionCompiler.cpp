@@ -16,7 +16,7 @@ bool is_identifier_character(char c) {
 
 // True if the text contains the name as a whole word; false for compiler-generated names.
 bool mentions(const std::string& text, const std::string& name) {
-  if (name.empty() || name.front() == '$' || name.find(':') != std::string::npos) return false;
+  if (!program::is_user_name(name)) return false;
   for (std::size_t position = text.find(name); position != std::string::npos;
        position = text.find(name, position + 1)) {
     const std::size_t end = position + name.size();
