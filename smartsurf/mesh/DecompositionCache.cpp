@@ -15,6 +15,7 @@
 
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
+#include "smartsurf/mesh/ByteString.h"
 
 namespace smartsurf::mesh {
 namespace {
@@ -28,11 +29,6 @@ std::uint64_t fnv1a(std::string_view bytes) {
   std::uint64_t hash = 0xCBF29CE484222325U;
   for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3U;
   return hash;
-}
-
-template <typename T>
-void append(std::string& bytes, const T* values, std::size_t count) {
-  bytes.append(reinterpret_cast<const char*>(values), count * sizeof(T));
 }
 
 // Takes values from the front of the bytes; false if there are fewer.

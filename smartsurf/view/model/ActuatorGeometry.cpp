@@ -7,6 +7,7 @@
 #include "smartsurf/scene/Delta.h"
 #include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorMeshes.h"
+#include "smartsurf/view/model/Float3.h"
 #include "smartsurf/view/model/Palette.h"
 
 namespace smartsurf::view {
@@ -50,8 +51,6 @@ constexpr NamedColour kColours[] = {{"ivory", kIvory},
                                     {"idle", kIdle},
                                     {"vibrating", kVibrating},
                                     {"skin", kSkin}};
-
-std::array<float, 3> to_float3(const Vec& v) { return {v.x(), v.y(), v.z()}; }
 
 // The two angles are applied about x, then about y.
 Mat roll_pitch(const scene::ActuatorState& motion) {
