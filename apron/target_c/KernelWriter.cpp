@@ -354,7 +354,7 @@ class KernelWriter::Body {
     locals_[id] = define(is_truth, n.type, text);
   }
 
-  // What joins operands that are 0 or 1 in an instruction whose result is; null for other instructions.
+  // The C operator for instructions that keep booleans boolean; null for the others.
   static const char* truth_join(Opcode op) {
     switch (op) {
       case Opcode::kCopy:

@@ -116,7 +116,7 @@ class Liveness {
     }
   }
   const Needs& of(std::size_t region) const { return needs_[region]; }
-  // What the regions that follow need.
+  // The homes and scalars that the regions that follow need.
   std::pair<std::set<std::uint32_t>, std::set<std::uint32_t>> after(std::size_t index) const {
     std::set<std::uint32_t> homes, scalars;
     const Region& region = regions_[index];
@@ -501,7 +501,7 @@ class Allocation {
       for (const NodeId id : loads.own) last_use[id] = t;
       for (const NodeId id : loads.shifted) last_use[id] = last_shifted_use[id] = t;
     }
-    // What ends in a home, and which homes are read where the region begins.
+    // Maps each node to the homes that it ends in.
     std::map<NodeId, std::vector<std::uint32_t>> targets;
     for (const auto& [home, id] : region.homes_out)
       if (homes_after.count(home) != 0) targets[id].push_back(home);

@@ -91,7 +91,7 @@ std::optional<std::uint64_t> data_of(pid_t process) {
   return file ? std::optional(read + written) : std::nullopt;
 }
 
-// What all processes below this one have done.
+// The work of all processes below this one.
 struct Work {
   std::uint64_t ticks = 0;  // of processor time
   std::uint64_t data = 0;   // changes when data are read or written, and when a process starts or ends
