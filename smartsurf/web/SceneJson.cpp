@@ -102,6 +102,12 @@ json colours_json() {
   return colours;
 }
 
+json looks_json() {
+  json looks;
+  for (const auto& [name, value] : view::actuator_looks()) looks[name] = value;
+  return looks;
+}
+
 }  // namespace
 
 json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec> objects) {
@@ -123,6 +129,7 @@ json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec>
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
           {"mechanisms", actuators_json(s, geometry)},
           {"colours", colours_json()},
+          {"looks", looks_json()},
           {"objects", objects_json(objects)}};
 }
 

@@ -17,7 +17,29 @@ using Vec = Eigen::Vector3f;
 using Mat = Eigen::Matrix3f;
 
 constexpr float kQuarterTurn = 1.5707963F;
-constexpr float kMinVisibleLevel = 0.02F;  // weaker forces and flows are not drawn
+
+// Weaker forces and flows are not drawn.
+constexpr NamedNumber kMinVisibleLevel{"min_visible_level", 0.02F};
+// How far parts are sunk into their pins, in radii.
+constexpr NamedNumber kBallRecess{"ball_recess", 0.75F}, kWheelRecess{"wheel_recess", 0.9F};
+// Of the middle of a wheel from that of the cell, in edges of the top: across and along its axle.
+constexpr NamedNumber kWheelAcross{"wheel_across", 0.15F}, kWheelAlong{"wheel_along", 0.22F};
+constexpr NamedNumber kMaxRotorRadius{"max_rotor_radius", 0.55F};  // pitches
+// Half extents of an arrow, in pitches, and what a strength of 1 adds. Always longer than wide, so that the
+// direction stays visible.
+constexpr NamedNumber kArrowLength{"arrow_length", 0.16F}, kArrowLengthGain{"arrow_length_gain", 0.30F};
+constexpr NamedNumber kArrowWidth{"arrow_width", 0.09F}, kArrowWidthGain{"arrow_width_gain", 0.07F};
+// The height of a plume's foot, in edges of the top; its length, in that at full flow, and its opacity, with
+// what full flow adds.
+constexpr NamedNumber kPlumeFoot{"plume_foot", 0.1F};
+constexpr NamedNumber kPlumeLength{"plume_length", 0.2F}, kPlumeLengthGain{"plume_length_gain", 0.8F};
+constexpr NamedNumber kPlumeOpacity{"plume_opacity", 0.15F}, kPlumeOpacityGain{"plume_opacity_gain", 0.4F};
+constexpr NamedNumber kMaxPlateSlope{"max_plate_slope", 0.7F};
+constexpr NamedNumber kSkinClearance{"skin_clearance", 0.02F};  // above the tops, pitches
+constexpr NamedNumber kLooks[] = {
+    kMinVisibleLevel, kBallRecess,      kWheelRecess,      kWheelAcross,    kWheelAlong,   kMaxRotorRadius,
+    kArrowLength,     kArrowLengthGain, kArrowWidth,       kArrowWidthGain, kPlumeFoot,    kPlumeLength,
+    kPlumeLengthGain, kPlumeOpacity,    kPlumeOpacityGain, kMaxPlateSlope,  kSkinClearance};
 
 std::array<std::uint8_t, 4> to_linear_rgba8(const Rgb& srgb, float alpha) {
   const Rgb light = linear_light(srgb);
@@ -99,6 +121,7 @@ constexpr std::size_t kMaxHullPoints = 32;
 }  // namespace
 
 std::span<const NamedColour> actuator_colours() { return kColours; }
+std::span<const NamedNumber> actuator_looks() { return kLooks; }
 
 // The pose of a cell: the centre of its top and its axes.
 struct ActuatorGeometry::CellFrame {
@@ -197,7 +220,7 @@ void ActuatorGeometry::add_skin() {
 void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
   const scene::SkinSpec& skin = *surface_.skin;
   if (std::ssize(snapshot.skin_height) != skin.rows * skin.columns) return;
-  const float clearance = 0.02F * static_cast<float>(surface_.pitch);
+  const float clearance = kSkinClearance.value * static_cast<float>(surface_.pitch);
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column) {
       const int cell = surface_.index(row, column);
@@ -282,7 +305,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::Ac
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     draw(mesh, f.top - radius * Vec::UnitZ(), radius * (f.axes * roll_pitch(motion)), kIvory, kOrange);
-    recess_[cell] = 0.75F * radius;
+    recess_[cell] = kBallRecess.value * radius;
   };
 }
 
@@ -301,16 +324,17 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::A
       draw(mesh, f.top + mount * (top_edge_ * offset) - radius * Vec::UnitZ(),
            mount * heading * turn * size.asDiagonal(), kTyre, kOrange);
     };
-    add(Mat::Identity(), {-0.15F, 0.22F, 0}, motion.a);
-    add(left, {0.22F, -0.15F, 0}, motion.b);
-    recess_[cell] = 0.9F * radius;
+    add(Mat::Identity(), {-kWheelAcross.value, kWheelAlong.value, 0}, motion.a);
+    add(left, {kWheelAlong.value, -kWheelAcross.value, 0}, motion.b);
+    recess_[cell] = kWheelRecess.value * radius;
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::ActuatorSpec& spec) {
   const RotorShape shape = make_rotor_shape(spec);
   const bool corners = !shape.points.empty() && shape.points.size() <= kMaxHullPoints;
-  const float scale = std::min(1.0F, 0.55F * static_cast<float>(surface_.pitch) / shape.max_radius());
+  const float scale =
+      std::min(1.0F, kMaxRotorRadius.value * static_cast<float>(surface_.pitch) / shape.max_radius());
   const Vec half = shape.points.empty() ? shape.half_axes : Vec::Constant(shape.max_radius());
   const Vec size = corners ? Vec(Vec::Constant(scale)) : Vec(scale * half);
   const std::size_t mesh = add_mesh(corners ? hull_mesh(shape.points) : ball_mesh(segments_), size);
@@ -330,13 +354,12 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
     const Vec top = cell_frame(cell, snapshot).top;
-    if (!(strength > kMinVisibleLevel)) {
+    if (!(strength > kMinVisibleLevel.value)) {
       if (keeps_hidden_parts_) draw(mesh, top, Mat::Zero(), kStrongForce, kStrongForce);
       return;
     }
-    // Always longer than wide, so that the direction stays visible.
-    const float half_length = pitch * (0.16F + 0.30F * strength),
-                half_width = pitch * (0.09F + 0.07F * strength);
+    const float half_length = pitch * (kArrowLength.value + kArrowLengthGain.value * strength),
+                half_width = pitch * (kArrowWidth.value + kArrowWidthGain.value * strength);
     const Vec along = force.normalized();
     const Vec aside =
         (std::abs(along.z()) < 0.95F ? Vec::UnitZ().cross(along) : Vec::UnitX().cross(along)).normalized();
@@ -371,16 +394,17 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::Act
     const CellFrame f = cell_frame(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
     draw(nozzle, f.top, f.axes * size.asDiagonal(), mix_colours(kRubber, kAir, flow), kInk);
-    const Vec mouth = f.top + 0.1F * top_edge_ * Vec::UnitZ();
-    if (flow < kMinVisibleLevel) {
-      if (keeps_hidden_parts_) draw(plume, mouth, Mat::Zero(), kAir, kAir, 0.55F, 0.0F);
+    const Vec mouth = f.top + kPlumeFoot.value * top_edge_ * Vec::UnitZ();
+    if (flow < kMinVisibleLevel.value) {
+      if (keeps_hidden_parts_)
+        draw(plume, mouth, Mat::Zero(), kAir, kAir, kPlumeOpacity.value + kPlumeOpacityGain.value, 0.0F);
       return;
     }
     const Vec up(std::sin(lean) * std::cos(motion.a), std::sin(lean) * std::sin(motion.a), std::cos(lean));
     Mat axes;
     axes << 0.45F * pitch * f.axes.col(0), 0.45F * pitch * f.axes.col(1),
-        highest * (0.2F + 0.8F * flow) * (f.axes * up);
-    draw(plume, mouth, axes, kAir, kAir, 0.15F + 0.4F * flow, 0.0F);
+        highest * (kPlumeLength.value + kPlumeLengthGain.value * flow) * (f.axes * up);
+    draw(plume, mouth, axes, kAir, kAir, kPlumeOpacity.value + kPlumeOpacityGain.value * flow, 0.0F);
   };
 }
 
@@ -480,14 +504,14 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tilting_plate_builder(const 
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
   const auto pitch = static_cast<float>(surface_.pitch);
-  constexpr float kHalfThickness = 0.05F, kMaxSlope = 0.7F;
+  constexpr float kHalfThickness = 0.05F;
   const Vec half(0.5F * static_cast<float>(surface_.pin.top_x), 0.5F * static_cast<float>(surface_.pin.top_y),
                  kHalfThickness * pitch);
   const std::size_t mesh = add_mesh(plate_mesh(), half);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const auto slope = [&](float low, float high) {
-      return std::clamp(0.5F * (high - low) / pitch, -kMaxSlope, kMaxSlope);
+      return std::clamp(0.5F * (high - low) / pitch, -kMaxPlateSlope.value, kMaxPlateSlope.value);
     };
     // Central differences of the heights.
     const float east = slope(neighbour_height(cell, 0, -1, snapshot), neighbour_height(cell, 0, 1, snapshot));

@@ -50,6 +50,12 @@ struct NamedColour {
   Rgb colour;
 };
 std::span<const NamedColour> actuator_colours();
+// The proportions of the parts and their motions, by name, for renderers that move the parts themselves.
+struct NamedNumber {
+  const char* name;
+  float value;
+};
+std::span<const NamedNumber> actuator_looks();
 
 class ActuatorGeometry {
  public:
