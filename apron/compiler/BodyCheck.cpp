@@ -22,7 +22,7 @@ namespace {
 using syntax::Location;
 using syntax::Macro;
 
-// What a macro may take for a parameter whose kind it does not state.
+// The arguments that a macro may take for a parameter whose kind it does not state.
 constexpr std::string_view kRegister = "apron.trial", kNumber = "1", kText = "'text'", kOperator = "<",
                            kLabel = "#apron.trial", kRegisters = "apron.trial.planes",
                            kNumbers = "apron.trial.numbers";
@@ -331,7 +331,7 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
                         has_define(*macro),
                         calls_of(*macro, program.preprocessor(), kinds),
                         {}});
-  // What a body defines holds for the calls after it.
+  // Definitions of a body hold for the calls after it.
   std::ranges::stable_partition(trials, [](const Trial& trial) { return !trial.defines; });
   // Most macros need one call. The many calls of the others share compilations, each of the whole program.
   const std::size_t calls_at_once = std::max<std::size_t>(trials.size(), 256);

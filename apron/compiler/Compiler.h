@@ -20,7 +20,7 @@ struct CompileResult {
   syntax::SourceManager sources;  // for syntax::format(diagnostics, sources)
 };
 
-// What the language's instructions are, for the preprocessor.
+// The language's instructions, for the preprocessor.
 syntax::PreprocessorOptions preprocessing(const CompileOptions&);
 
 // Terminates for every source and never throws because of its contents. Allocates; keeps no state between

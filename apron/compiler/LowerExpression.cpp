@@ -443,7 +443,7 @@ void Lowering::check_shapes(const std::vector<Value>& values, Location location)
   }
 }
 
-// What the instruction does not take: registers of integers or of floats.
+// Refuses registers of integers or of floats where the instruction does not take them.
 void Lowering::check_types(Opcode op, const std::vector<Value>& registers, Location location) const {
   for (const Value& value : registers) {
     if (!value.is_register()) continue;

@@ -272,7 +272,7 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
 void Lowering::check_unmasked_result(const Expression& target) const {
   const auto scope = scopes_.find(target.owner);
   if (scope == scopes_.end() || open_wheres() == scope->second.wheres) return;
-  const std::string name = target.text.substr(0, target.text.find(':'));
+  const std::string name(program::base_name(target.text));
   if (std::ranges::find(scope->second.results, name) != scope->second.results.end())
     fail(target.location,
          "the result '{}' is a scalar here, and 'where' masks registers only: begin with !register({})", name,

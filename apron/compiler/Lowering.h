@@ -82,7 +82,7 @@ class Lowering {
     std::vector<std::string> results;  // of a function: its local names
     std::size_t wheres = 0;            // that were open when the body began
     std::size_t body = 0;              // where it begins: see ProgramBuilder
-    // What its local registers ignore: base masks, and where-blocks before that many. None: nothing.
+    // Its local registers ignore base masks, and where-blocks before that many. None: they ignore nothing.
     std::optional<std::size_t> mask_base = std::nullopt;
     std::vector<MergedRegister> merged;
   };

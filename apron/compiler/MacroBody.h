@@ -1,4 +1,4 @@
-// What a macro's body does to the caller's registers and masks, found before it is lowered.
+// The effects of a macro's body on the caller's registers and masks, found before it is lowered.
 #pragma once
 
 #include <span>

@@ -91,7 +91,7 @@ class ProgramBuilder {
   // Marks where a macro's body begins. A local name that it reads before it writes is 0 from there on.
   std::size_t begin_body();
   void set_local(const Value&, std::size_t body);
-  // What holds the value, for the message that a recursion would overwrite it.
+  // Names the holder of the value, for the message that a recursion would overwrite it.
   void describe(const Value&, std::string description);
 
   program::Operand operand(const Value&);
@@ -108,7 +108,7 @@ class ProgramBuilder {
   // of `target`.
   bool retarget_last(const Value& temporary, const Value& target);
   std::size_t position() const noexcept { return program_.code.size(); }
-  // Whether a mask may be in force for the following instructions.
+  // True if a mask may be in force for the following instructions.
   void set_may_be_masked(bool may_be_masked) noexcept { may_be_masked_ = may_be_masked; }
 
   Label new_label();

@@ -198,8 +198,6 @@ const Symbol* SymbolTable::find_register(std::uint32_t index) const {
   return nullptr;
 }
 
-bool is_macro_name(const std::string& name) { return name.find(':') != std::string::npos; }
-
 std::string display_name(const std::string& name) { return syntax::display_name(name); }
 
 }  // namespace apron::compiler

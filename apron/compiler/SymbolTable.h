@@ -78,6 +78,6 @@ class SymbolTable {
 
 // Like syntax::display_name(): without the suffix that makes a macro's local names unique.
 std::string display_name(const std::string& name);
-bool is_macro_name(const std::string& name);
+using program::is_macro_name;
 
 }  // namespace apron::compiler

@@ -19,7 +19,7 @@ enum class ExecutionState : std::uint8_t {
   kFinished,  // ended or failed
 };
 
-// What a snapshot includes. Registers are indices into Program::registers; unknown ones are ignored.
+// The contents of a snapshot. Registers are indices into Program::registers; unknown ones are ignored.
 struct SnapshotRequest {
   std::optional<std::size_t> full;      // at full resolution
   std::vector<std::size_t> thumbnails;  // at most max_thumbnail_edge columns and rows

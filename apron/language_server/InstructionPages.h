@@ -1,4 +1,4 @@
-// What an editor shows of an instruction: its call, what it does, and its row of the language page.
+// The text that an editor shows of an instruction: its call, what it does, and its row of the language page.
 #pragma once
 
 #include <string>

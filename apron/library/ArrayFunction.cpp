@@ -13,10 +13,6 @@ using program::OperandKind;
 
 namespace {
 
-bool is_named(const std::string& name) {
-  return !program::is_temporary(name) && name.find(':') == std::string::npos;
-}
-
 // By register: whether an instruction may write it.
 std::vector<bool> written_registers(const program::Program& program) {
   std::vector<bool> written(program.registers.size(), false);
@@ -54,10 +50,7 @@ vm::VmOptions vm_options(const FunctionOptions& options) {
 // Instructions between two returns of advance(), so that a caller can interrupt a long run.
 std::uint64_t instructions_per_advance(const program::Program& program) {
   constexpr std::uint64_t kMinimum = 4096, kMaximum = std::uint64_t{1} << 20, kCells = std::uint64_t{1} << 32;
-  std::uint64_t cells = 1;
-  for (const program::Register& r : program.registers)
-    cells = std::max(cells, std::uint64_t{r.width} * r.height);
-  return std::clamp(kCells / cells, kMinimum, kMaximum);
+  return std::clamp(kCells / program::max_register_cells(program), kMinimum, kMaximum);
 }
 
 }  // namespace
@@ -66,11 +59,12 @@ FunctionSignature find_signature(const program::Program& program) {
   const std::vector<bool> written = written_registers(program), read = read_registers(program);
   FunctionSignature signature;
   for (std::uint32_t i = 0; i < program.registers.size(); ++i)
-    if (is_named(program.registers[i].name)) (written[i] ? signature.outputs : signature.inputs).push_back(i);
+    if (program::is_user_name(program.registers[i].name))
+      (written[i] ? signature.outputs : signature.inputs).push_back(i);
   std::ranges::copy_if(signature.inputs, std::back_inserter(signature.needed),
                        [&](std::uint32_t i) { return read[i]; });
   for (std::uint32_t i = 0; i < program.variables.size(); ++i)
-    if (is_named(program.variables[i].name)) signature.scalars.push_back(i);
+    if (program::is_user_name(program.variables[i].name)) signature.scalars.push_back(i);
   return signature;
 }
 

@@ -15,8 +15,8 @@
 
 namespace apron::library {
 
-// What a program reads from its caller and writes for it, as register and variable indices in the order of
-// their declaration. Names that the compiler creates take no part.
+// The operands that a program reads from its caller and writes for it, as register and variable indices in
+// the order of their declaration. Names that the compiler creates take no part.
 struct FunctionSignature {
   std::vector<std::uint32_t> inputs;   // the registers that it never writes
   std::vector<std::uint32_t> needed;   // those of them that it reads
@@ -42,7 +42,7 @@ class ArrayFunction {
   // A call: start(), then the inputs, then advance() until it returns false, then the results. Registers that
   // get no input are 0 at the start.
   void start(ParameterValues parameters);
-  // Where to write an input's cells: rows at the plane's pitch.
+  // The plane that takes an input's cells: rows at its pitch.
   vm::Plane input(std::uint32_t reg);
   // The value must be one of the register's cells.
   void set_input(std::uint32_t reg, double value);

@@ -24,7 +24,7 @@ struct ChannelComponent {
 std::string resolve_channel(std::span<const NamedChannel>, bool is_sensor, std::string_view name,
                             ChannelComponent&);
 
-// Whether a channel, or a component of one, has this name.
+// True if a channel, or a component of one, has this name.
 bool has_channel(std::span<const NamedChannel>, std::string_view name);
 
 }  // namespace apron::library

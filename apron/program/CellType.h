@@ -52,4 +52,10 @@ constexpr std::uint64_t stored_bytes(std::uint32_t width, std::uint32_t height, 
   return height * stored_row_bytes(width, type) + 2 * kVectorBytes;
 }
 
+// a and b are registers or planes.
+template <class A, class B>
+bool same_shape(const A& a, const B& b) noexcept {
+  return a.width == b.width && a.height == b.height;
+}
+
 }  // namespace apron::program

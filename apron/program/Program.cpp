@@ -66,6 +66,12 @@ const SourceLocation* find_location(const Program& program, std::size_t instruct
   return index < program.source_locations.size() ? &program.source_locations[index] : nullptr;
 }
 
+std::uint64_t max_register_cells(const Program& program) noexcept {
+  std::uint64_t cells = 1;
+  for (const Register& r : program.registers) cells = std::max(cells, std::uint64_t{r.width} * r.height);
+  return cells;
+}
+
 std::optional<std::size_t> find_register(const Program& program, std::string_view name) noexcept {
   const auto found = std::ranges::find(program.registers, name, &Register::name);
   if (found == program.registers.end()) return std::nullopt;

@@ -34,7 +34,8 @@ inline constexpr std::size_t kMaxOperands = 3;
 const OpcodeInfo& opcode_info(Opcode) noexcept;
 std::size_t opcode_count() noexcept;
 
-// What operations that read neighbours see beyond the edge; the first operand of kBoundary, as a literal.
+// The cells beyond the edge for operations that read neighbours; the first operand of kBoundary, as a
+// literal.
 enum class BoundaryRule : std::uint8_t { kZero, kReplicate, kWrap, kReflect, kValue };
 
 enum class OperandKind : std::uint8_t {
@@ -115,7 +116,7 @@ struct Expansion {
   std::uint32_t operand_count = 0;
 };
 
-// What a local name of a macro or function stands for, from one instruction up to another; for debuggers.
+// The meaning of a local name of a macro or function, from one instruction up to another; for debuggers.
 struct LocalName {
   std::string name;
   Operand operand;  // a register, variable or literal
@@ -167,10 +168,19 @@ std::string instruction_table();
 // The names of the registers and variables that the compiler creates begin with '$', and those of a macro's
 // local names contain a ':'.
 inline bool is_temporary(std::string_view name) noexcept { return name.empty() || name.front() == '$'; }
+inline bool is_macro_name(std::string_view name) noexcept { return name.find(':') != std::string_view::npos; }
+// A name that is in the program's text.
+inline bool is_user_name(std::string_view name) noexcept {
+  return !is_temporary(name) && !is_macro_name(name);
+}
+// The name without the suffix that makes a macro's local names unique.
+inline std::string_view base_name(std::string_view name) noexcept { return name.substr(0, name.find(':')); }
 
 // The source position of an instruction, or null if it is unknown.
 const SourceLocation* find_location(const Program&, std::size_t instruction) noexcept;
 
+// The number of cells of the largest register; 1 if there is none.
+std::uint64_t max_register_cells(const Program&) noexcept;
 // The index of the register of that name.
 std::optional<std::size_t> find_register(const Program&, std::string_view name) noexcept;
 // The local name that holds at an instruction, or null. A macro's parameter $a is also found as a.

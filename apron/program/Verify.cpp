@@ -13,8 +13,6 @@ namespace {
 
 using Kind = OperandKind;
 
-bool same_shape(const Register& a, const Register& b) { return a.width == b.width && a.height == b.height; }
-
 // Checks one instruction. verify() and every check return "" or a description of the error.
 class InstructionVerifier {
  public:

@@ -22,7 +22,7 @@ std::optional<bool> compare(const Constant&, std::string_view op, const Constant
 // Evaluates numbers, texts, names, ( ), unary - + !, * / %, + -, comparisons, not, and, or, && and ||.
 // Reports errors at the token, or at `location` if there is none.
 std::optional<Constant> evaluate_constant(const Tokens&, Location location, Diagnostics&);
-// Whether it is a number other than 0. A text, or a name that stands for nothing, is an error.
+// True if the tokens are a number other than 0. A text, or a name that stands for nothing, is an error.
 std::optional<bool> evaluate_condition(const Tokens&, Location location, Diagnostics&);
 
 }  // namespace apron::syntax

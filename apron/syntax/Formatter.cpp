@@ -9,6 +9,7 @@
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/Lexer.h"
 #include "apron/syntax/SourceManager.h"
+#include "common/text/Utf8.h"
 
 namespace apron::syntax {
 namespace {
@@ -241,7 +242,7 @@ std::string align_comments(const std::vector<FormattedLine>& lines) {
 std::string format_unchecked(std::string_view text) {
   std::vector<PhysicalLine> scanned;
   bool continues = false, starts_statement = true;
-  if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);
+  text = common::without_byte_order_mark(text);
   while (!text.empty()) {
     const std::size_t end = std::min(text.find('\n'), text.size());
     scanned.push_back(scan_line(text.substr(0, end), starts_statement));

@@ -47,7 +47,7 @@ class Lexer {
       : text_(sources.file(file).text), file_(file), diagnostics_(diagnostics) {}
 
   std::vector<Line> lex() {
-    if (text_.substr(0, 3) == "\xEF\xBB\xBF") position_ = 3;
+    if (text_.starts_with(common::kByteOrderMark)) position_ = common::kByteOrderMark.size();
     while (position_ < text_.size() && !diagnostics_.full()) lex_next();
     finish_line();
     return std::move(lines_);

@@ -13,7 +13,7 @@
 
 namespace apron::syntax {
 
-// What a function takes for a parameter.
+// The arguments that a function takes for a parameter.
 enum class ArgumentType : std::uint8_t {
   kAny,  // a plane or a number; of a macro: any words
   kPlane,

@@ -33,7 +33,7 @@ inline constexpr std::size_t kMaxExpansions = 100'000;
 inline constexpr std::size_t kMaxLines = 1'000'000;  // after expansion
 inline constexpr std::size_t kMaxLineTokens = 20'000;
 
-// What a program is compiled from, and for.
+// The sources and the target of a compilation.
 struct SourceOptions {
   std::string file = {};
   // The surface in cells: SURFACE_WIDTH and SURFACE_HEIGHT, and the default shape of registers.
@@ -70,7 +70,7 @@ struct Declaration {
   float scale = 0.0F;
 };
 
-// What a macro's pattern requires of an operand: `!operand_kind(name, 'description', names…)`.
+// The requirement of a macro's pattern on an operand: `!operand_kind(name, 'description', names…)`.
 struct OperandKind {
   std::string description;      // "an analogue register (A to F)"
   std::set<std::string> names;  // the operands of that kind; empty: all that are names of no other kind
@@ -99,7 +99,7 @@ class Preprocessor {
   // alone.
   bool assigns_plainly() const;
   bool is_expanding(const MacroTable::Handle&) const;
-  // What a limit of depth says of a function that calls itself: ": …"; "" if none does.
+  // The end of a message on a limit of depth, for a function that calls itself: ": …"; "" if none does.
   std::string endless_function() const;
   const MacroTable& macros() const noexcept { return macros_; }
   // "!include" and the like.
@@ -141,7 +141,7 @@ class Preprocessor {
     std::uint32_t expansion = 0;
     std::map<std::string, Tokens> parameters;
     std::vector<ConditionalBlock> conditionals;
-    // What a `!for` counts with while its lines repeat.
+    // The variable of a `!for` while its lines repeat.
     std::string loop_variable;
     double loop_value = 0.0, loop_end = 0.0, loop_step = 1.0;
   };

@@ -277,7 +277,7 @@ class Generator {
     }
     plan.corners = step.exchange.has_corners;
     plan.side_bytes = side_bytes(step);
-    // What runs once has no previous tick, and shares its place.
+    // Start regions run once, so they need no slot.
     plan.keeps = !tile_.regions[region].is_start;
     if (plan.keeps) {
       plan.slot = slot_bytes_;

@@ -170,18 +170,16 @@ class KernelWriter::Body {
   };
 
   std::string pointer(const std::string& argument, const std::string& type) {
-    const std::string key = type + argument;
-    if (const auto found = pointers_.find(key); found != pointers_.end()) return found->second;
-    const std::string name = fmt::format("p{}", pointers_.size());
-    parameters_.push_back(type + name);
-    arguments_.push_back(argument);
-    return pointers_[key] = name;
+    return add_parameter('p', argument, type);
   }
   std::string parameter(const std::string& argument, const std::string& type) {
+    return add_parameter('s', argument, type + " ");
+  }
+  std::string add_parameter(char prefix, const std::string& argument, const std::string& type) {
     const std::string key = type + argument;
     if (const auto found = pointers_.find(key); found != pointers_.end()) return found->second;
-    const std::string name = fmt::format("s{}", pointers_.size());
-    parameters_.push_back(type + " " + name);
+    const std::string name = fmt::format("{}{}", prefix, pointers_.size());
+    parameters_.push_back(type + name);
     arguments_.push_back(argument);
     return pointers_[key] = name;
   }
@@ -356,7 +354,7 @@ class KernelWriter::Body {
     locals_[id] = define(is_truth, n.type, text);
   }
 
-  // What joins operands that are 0 or 1 in an instruction whose result is; null for other instructions.
+  // The C operator for instructions that keep booleans boolean; null for the others.
   static const char* truth_join(Opcode op) {
     switch (op) {
       case Opcode::kCopy:

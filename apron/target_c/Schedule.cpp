@@ -5,6 +5,8 @@
 #include <set>
 #include <tuple>
 
+#include "common/index/UnionFind.h"
+
 namespace apron::target_c {
 namespace {
 
@@ -114,7 +116,7 @@ class Liveness {
     }
   }
   const Needs& of(std::size_t region) const { return needs_[region]; }
-  // What the regions that follow need.
+  // The homes and scalars that the regions that follow need.
   std::pair<std::set<std::uint32_t>, std::set<std::uint32_t>> after(std::size_t index) const {
     std::set<std::uint32_t> homes, scalars;
     const Region& region = regions_[index];
@@ -370,20 +372,16 @@ class RegionScheduler {
   void split_class(const Class& which, const std::vector<NodeId>& members) {
     std::map<NodeId, NodeId> parent;
     for (const NodeId id : members) parent[id] = id;
-    const auto root = [&](NodeId id) {
-      while (parent[id] != id) id = parent[id] = parent[parent[id]];
-      return id;
-    };
     for (const NodeId id : members) {
       if (nodes()[id].kind == NodeKind::kRead) continue;
       for (const NodeId operand : nodes()[id].operands)
         if (operand != kNoNode && parent.count(operand) != 0) {
-          const NodeId a = root(id), b = root(operand);
+          const NodeId a = common::find_root(parent, id), b = common::find_root(parent, operand);
           parent[std::max(a, b)] = std::min(a, b);
         }
     }
     std::map<NodeId, std::vector<NodeId>> sets;
-    for (const NodeId id : members) sets[root(id)].push_back(id);
+    for (const NodeId id : members) sets[common::find_root(parent, id)].push_back(id);
     for (const auto& [first, set] : sets) {
       for (const NodeId id : set) kernel_of_[id] = static_cast<std::uint32_t>(kernels_.size());
       kernels_.push_back({which, set});
@@ -503,7 +501,7 @@ class Allocation {
       for (const NodeId id : loads.own) last_use[id] = t;
       for (const NodeId id : loads.shifted) last_use[id] = last_shifted_use[id] = t;
     }
-    // What ends in a home, and which homes are read where the region begins.
+    // Maps each node to the homes that it ends in.
     std::map<NodeId, std::vector<std::uint32_t>> targets;
     for (const auto& [home, id] : region.homes_out)
       if (homes_after.count(home) != 0) targets[id].push_back(home);

@@ -73,7 +73,7 @@ struct Reach {
   void add(const Reach& other);
 };
 
-// What a tile receives of a value.
+// The cells of a value that a tile receives.
 struct Strip {
   NodeId value = kNoNode;
   Reach reach;

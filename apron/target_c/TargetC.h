@@ -23,7 +23,7 @@ struct Options {
   double link_baud = 0.0, rate_hz = 60.0, turnaround_s = 20e-6;
 };
 
-// What one tick costs, at most; where loops run as often as only run time tells, one pass of each.
+// The cost of one tick, at most; of a loop whose number of passes only run time tells, one pass.
 struct Report {
   std::size_t rounds = 0, waits = 0;  // a round whose values need corners waits twice
   std::size_t edge_bytes = 0;         // per side and direction

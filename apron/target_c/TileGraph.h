@@ -54,7 +54,7 @@ struct Node {
   bool is_scalar() const { return kind <= NodeKind::kScalarRandom; }
 };
 
-// Where planes live between regions: registers, then the masks of nested blocks, the base mask, and the
+// The homes of planes between regions: registers, then the masks of nested blocks, the base mask, and the
 // register stack.
 struct Homes {
   std::vector<program::CellType> registers;

@@ -38,7 +38,7 @@ std::string at(const Program& program, std::size_t instruction, const std::strin
   return source == nullptr ? text : fmt::format("{}:{}: {}", program.files[source->file], source->line, text);
 }
 
-// What decides how a region runs, besides the values of scalars.
+// The state that decides how a region runs, besides the values of scalars.
 struct Place {
   bool is_start = false;
   bool fails = false;  // the instruction stops the program
@@ -59,7 +59,7 @@ bool same_bits(double a, double b) {
   return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
-// Where scalars live between regions.
+// The slots in which scalars live between regions.
 struct Slots {
   explicit Slots(const Program& program) : variables(static_cast<std::uint32_t>(program.variables.size())) {
     std::uint32_t next = levels() + static_cast<std::uint32_t>(program::kMaxMaskDepth);
@@ -306,7 +306,7 @@ class Tracer {
   }
   // Without the component: 'colour.r' and 'colour[0]' are of the channel 'colour'.
   static std::string base_name(const std::string& name) { return name.substr(0, name.find_first_of(".[")); }
-  // Whether --channels names the channel, with or without its component.
+  // True if --channels names the channel, with or without its component.
   bool is_declared(const std::string& name) const {
     const auto is_named = [&](const std::string& channel) {
       return std::ranges::find(*options_.channels, channel) != options_.channels->end();

@@ -1,4 +1,4 @@
-// Where the cells of a register lie on the screen: squares, or the touching hexagons of a table whose every
+// The positions of a register's cells on the screen: squares, or the touching hexagons of a table whose every
 // second row is shifted.
 #pragma once
 

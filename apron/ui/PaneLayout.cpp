@@ -1,12 +1,9 @@
 #include "apron/ui/PaneLayout.h"
 
-#include <cmath>
-#include <sstream>
+#include "common/text/SizeList.h"
 
 namespace apron::ui {
 namespace {
-
-constexpr float kMaxPoints = 10'000.0F;
 
 // Calls visit(name, size) for every size of the layout.
 template <typename Layout, typename Visitor>
@@ -24,25 +21,12 @@ void for_each_size(Layout& layout, Visitor visit) {
 }  // namespace
 
 std::string format_layout(const PaneLayout& layout) {
-  std::ostringstream text;
-  for_each_size(layout, [&](const std::string& name, float size) {
-    if (size > 0.0F) text << name << ' ' << std::lround(size) << '\n';
-  });
-  return text.str();
+  return common::format_size_list([&](const auto& visit) { for_each_size(layout, visit); });
 }
 
 PaneLayout parse_layout(std::string_view text) {
   PaneLayout layout;
-  std::istringstream lines{std::string(text)};
-  for (std::string line; std::getline(lines, line);) {
-    std::istringstream words(line);
-    std::string known;
-    float points = 0.0F;
-    if (!(words >> known >> points) || !(points >= 0.0F && points <= kMaxPoints)) continue;
-    for_each_size(layout, [&](const std::string& name, float& size) {
-      if (name == known) size = points;
-    });
-  }
+  common::parse_size_list(text, [&](const auto& visit) { for_each_size(layout, visit); });
   return layout;
 }
 

@@ -187,7 +187,7 @@ std::vector<std::size_t> ViewModel::listed_registers() const {
 }
 
 bool ViewModel::shows_name(std::string_view name) const {
-  return temporaries_shown || (!program::is_temporary(name) && name.front() != ':');
+  return temporaries_shown || program::is_user_name(name);
 }
 
 std::optional<std::size_t> ViewModel::find_register(std::string_view name) const {

@@ -12,6 +12,7 @@
 namespace apron::vm {
 
 using program::CellType;
+using program::same_shape;
 
 // `height` rows of `width` cells, row-major; row 0 is north, column 0 is west. Row y begins y * pitch cells
 // after the first.
@@ -54,12 +55,14 @@ struct ConstPlane : BasicPlane<const float> {
 };
 
 template <class A, class B>
-bool same_shape(const A& a, const B& b) noexcept {
-  return a.width == b.width && a.height == b.height;
-}
-template <class A, class B>
 bool same_shape_and_type(const A& a, const B& b) noexcept {
   return same_shape(a, b) && a.type == b.type;
+}
+
+// The least multiple of `unit` that is not less than n.
+template <class T>
+constexpr T round_up(T n, std::type_identity_t<T> unit) noexcept {
+  return (n + unit - 1) / unit * unit;
 }
 
 // Calls work(T()) with the C++ type of the cells: float, std::int32_t, std::uint16_t or std::uint8_t.

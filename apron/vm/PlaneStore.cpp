@@ -12,13 +12,11 @@ namespace {
 constexpr std::size_t kAlignment = 64;
 constexpr std::size_t kHugePage = std::size_t{1} << 21;
 
-std::size_t round_up(std::size_t n, std::size_t unit) { return (n + unit - 1) / unit * unit; }
-
 }  // namespace
 
 Plane PlaneStore::allocate(std::uint32_t width, std::uint32_t height, CellType type) {
   assert(width > 0 && height > 0);
-  const std::size_t pitch = round_up(width, lanes(type)) + lanes(type);  // in cells
+  const std::size_t pitch = round_up<std::size_t>(width, lanes(type)) + lanes(type);  // in cells
   // Large allocations begin on a page boundary. If every plane did too, the same cell of all registers would
   // map to one cache set, so each plane starts two cache lines later than the previous one.
   const std::size_t lead = kLanes + 2 * kLanes * (allocations_.size() % 31);

@@ -31,10 +31,7 @@ std::uint64_t thread_time_ns() noexcept {
 
 std::uint64_t max_tick_instructions(const program::Program& program) noexcept {
   constexpr std::uint64_t kLeast = 500'000, kMost = 100'000'000, kCells = 200'000'000'000;
-  std::uint64_t cells = 1;
-  for (const program::Register& r : program.registers)
-    cells = std::max(cells, std::uint64_t{r.width} * r.height);
-  return std::clamp(kCells / cells, kLeast, kMost);
+  return std::clamp(kCells / program::max_register_cells(program), kLeast, kMost);
 }
 
 }  // namespace
@@ -250,7 +247,7 @@ FusedTrace* Vm::find_fused_trace(std::uint64_t budget) const noexcept {
 Status Vm::execute(const DecodedInstruction& decoded) {
   switch (decoded.dispatch) {
     case DispatchKind::kElementwise:
-      return execute_elementwise(decoded);
+      return write_masked<&Vm::execute_elementwise>(decoded);
     case DispatchKind::kScalar: {
       const auto value = [&](std::size_t k) {
         return decoded.scalars[k] != nullptr ? *decoded.scalars[k] : 0.0;
@@ -259,16 +256,17 @@ Status Vm::execute(const DecodedInstruction& decoded) {
       return Status::kRunning;
     }
     case DispatchKind::kConvert:
-      return execute_conversion(decoded);
+      return write_masked<&Vm::execute_conversion>(decoded);
     case DispatchKind::kShift:
-      return execute_shift(decoded);
+      return write_masked<&Vm::execute_shift>(decoded);
     case DispatchKind::kMask:
       return execute_mask_op(decoded);
     case DispatchKind::kReduce:
       return execute_reduction(decoded);
     case DispatchKind::kCellAccess:
-      return decoded.op == Opcode::kCellX || decoded.op == Opcode::kCellY ? write_cell_coordinates(decoded)
-                                                                          : access_pixel(decoded);
+      return decoded.op == Opcode::kCellX || decoded.op == Opcode::kCellY
+                 ? write_masked<&Vm::write_cell_coordinates>(decoded)
+                 : access_pixel(decoded);
     case DispatchKind::kArrayOp:
       return execute_array_op(decoded);
     case DispatchKind::kControlFlow:
@@ -279,19 +277,17 @@ Status Vm::execute(const DecodedInstruction& decoded) {
   return Status::kFailed;
 }
 
-Vm::WriteAccess Vm::check_write_access(const DecodedInstruction& decoded, const float*& mask) {
+Vm::WriteAccess Vm::check_write_access(const DecodedInstruction& decoded, const Plane& to,
+                                       const float*& mask) {
   mask = nullptr;
   if (!decoded.masked || masks_.active() == MaskStack::Active::kAll) return WriteAccess::kAllowed;
   if (masks_.active() == MaskStack::Active::kNone) return WriteAccess::kSuppressed;
-  if (!same_shape(masks_.mask(), *decoded.destination)) return WriteAccess::kShapeMismatch;
-  mask = masks_.mask_as(decoded.destination->type).data;
+  if (!same_shape(masks_.mask(), to)) return WriteAccess::kShapeMismatch;
+  mask = masks_.mask_as(to.type).data;
   return WriteAccess::kAllowed;
 }
 
-Status Vm::execute_elementwise(const DecodedInstruction& decoded) {
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+Status Vm::execute_elementwise(const DecodedInstruction& decoded, const float* mask) {
   Block block(*decoded.destination, mask);
   for (std::size_t k = 0; k < program::kMaxOperands; ++k) {
     if (decoded.planes[k] != nullptr) block.source[k] = decoded.planes[k]->data;
@@ -316,10 +312,7 @@ Status Vm::fail_cell_value(double value, CellType type) {
                                    format_number(program::highest_cell(type)));
 }
 
-Status Vm::execute_conversion(const DecodedInstruction& decoded) {
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+Status Vm::execute_conversion(const DecodedInstruction& decoded, const float* mask) {
   convert_plane(executor_, *decoded.destination, *decoded.planes[0], decoded.op == Opcode::kConvertSaturated,
                 mask);
   return Status::kRunning;
@@ -330,10 +323,7 @@ bool Vm::has_boundary_value(CellType type) const noexcept {
   return boundary_.rule != program::BoundaryRule::kValue || program::is_cell_value(type, boundary_.value);
 }
 
-Status Vm::execute_shift(const DecodedInstruction& decoded) {
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+Status Vm::execute_shift(const DecodedInstruction& decoded, const float* mask) {
   const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0};
   const BoundaryCondition boundary = decoded.op == Opcode::kRotate ? wrap : boundary_;
   Offset offset = decoded.offset;
@@ -454,7 +444,7 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
     return Status::kRunning;
   }
   const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
+  const WriteAccess access = check_write_access(decoded, *decoded.destination, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
   const double value = *decoded.scalars[2];
   if (!program::is_cell_value(decoded.type, value)) return fail_cell_value(value, decoded.type);
@@ -467,10 +457,7 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
-Status Vm::write_cell_coordinates(const DecodedInstruction& decoded) {
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+Status Vm::write_cell_coordinates(const DecodedInstruction& decoded, const float* mask) {
   const bool column = decoded.op == Opcode::kCellX;
   for (std::uint32_t y = 0; y < decoded.destination->height; ++y) {
     float* row = decoded.destination->row(y);
@@ -534,10 +521,6 @@ Status Vm::execute_call(const DecodedInstruction& decoded) {
   return_addresses_.push_back(static_cast<std::uint32_t>(program_counter_));
   program_counter_ = decoded.jump_target;
   return Status::kRunning;
-}
-
-Status Vm::skip_write(WriteAccess access, const Plane& plane) {
-  return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(plane);
 }
 
 Status Vm::report_mask_mismatch(const Plane& plane) {

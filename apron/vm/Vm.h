@@ -119,33 +119,47 @@ class Vm {
   void allocate_scratch(DecodedInstruction& decoded);
   Plane scratch_plane(const Plane& like, CellType type, int number);
 
-  // True if the active mask allows a write to the destination; on kAllowed, `mask` is the mask to apply or
-  // null for all cells: the cells have the destination's type.
+  // Says if the active mask allows a write to the plane; on kAllowed, `mask` is the mask to apply or null for
+  // all cells: the cells have the plane's type.
   enum class WriteAccess { kAllowed, kSuppressed, kShapeMismatch };
-  WriteAccess check_write_access(const DecodedInstruction& decoded, const float*& mask);
+  WriteAccess check_write_access(const DecodedInstruction& decoded, const Plane& to, const float*& mask);
+  // write(mask) unless the active mask allows no write to the plane.
+  template <class Write>
+  Status write_masked(const DecodedInstruction& decoded, const Plane& to, const Write& write) {
+    const float* mask = nullptr;
+    const WriteAccess access = check_write_access(decoded, to, mask);
+    if (access == WriteAccess::kAllowed) return write(mask);
+    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(to);
+  }
+  template <Status (Vm::*write)(const DecodedInstruction&, const float* mask)>
+  Status write_masked(const DecodedInstruction& decoded) {
+    return write_masked(decoded, *decoded.destination,
+                        [&](const float* mask) { return (this->*write)(decoded, mask); });
+  }
 
   // Each returns kRunning to continue at program_counter_.
   Status execute(const DecodedInstruction& decoded);
   Status execute_profiled(std::size_t at);
-  Status execute_elementwise(const DecodedInstruction& decoded);
-  Status execute_conversion(const DecodedInstruction& decoded);
+  Status execute_elementwise(const DecodedInstruction& decoded, const float* mask);
+  Status execute_conversion(const DecodedInstruction& decoded, const float* mask);
   bool has_boundary_value(CellType type) const noexcept;
-  Status execute_shift(const DecodedInstruction& decoded);
+  Status execute_shift(const DecodedInstruction& decoded, const float* mask);
   Status execute_reduction(const DecodedInstruction& decoded);
   Status execute_integer_reduction(const DecodedInstruction& decoded, Reduction kind);
   Status execute_mask_op(const DecodedInstruction& decoded);
   Status access_pixel(const DecodedInstruction& decoded);
-  Status write_cell_coordinates(const DecodedInstruction& decoded);
+  Status write_cell_coordinates(const DecodedInstruction& decoded, const float* mask);
   Status execute_array_op(const DecodedInstruction& decoded);
-  Status execute_neighbourhood(const DecodedInstruction& decoded);
-  Status scatter(const DecodedInstruction&);
+  Status execute_neighbourhood(const DecodedInstruction& decoded, const float* mask);
+  Status scatter(const DecodedInstruction&, const float* mask);
   Status scatter_number(const DecodedInstruction&, const float* mask);
-  Status multiply_matrix(const DecodedInstruction&);
+  Status multiply_matrix(const DecodedInstruction&, const float* mask);
   void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
   Status reduce_integer_neighbours(const DecodedInstruction& decoded, const float* mask);
   Status filter_integers(const DecodedInstruction& decoded, const float* mask);
   Status set_filter_coefficient(const DecodedInstruction& decoded);
-  Status fill_random(const DecodedInstruction& decoded);
+  Status draw_random(const DecodedInstruction& decoded);
+  Status fill_random(const DecodedInstruction& decoded, const RandomStream& draw, const float* mask);
   Status push_register(const DecodedInstruction& decoded);
   Status pop_register(const DecodedInstruction& decoded);
   Status access_group_member(const DecodedInstruction& decoded);
@@ -166,8 +180,6 @@ class Vm {
   Status push_plugin_argument(const DecodedInstruction& decoded);
   Status execute_plugin(const DecodedInstruction& decoded);
 
-  // For access that is not kAllowed: nothing is written, or the masks' shape is an error.
-  Status skip_write(WriteAccess access, const Plane& plane);
   Status report_mask_mismatch(const Plane& plane);
   Status fail_cell_value(double value, CellType type);
   Status fail(Status status, const std::string& text);

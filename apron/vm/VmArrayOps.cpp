@@ -18,7 +18,7 @@ using program::Opcode;
 
 namespace {
 
-// Of integers modulo 2^32.
+// Integer sums wrap modulo 2^32.
 template <class T>
 using SumOf = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
 
@@ -79,7 +79,7 @@ Status Vm::execute_array_op(const DecodedInstruction& decoded) {
     case Opcode::kRandomFloat:
     case Opcode::kRandomGauss:
     case Opcode::kRandomInt:
-      return fill_random(decoded);
+      return draw_random(decoded);
     case Opcode::kRandomSeed:
       random_stream_ = {std::bit_cast<std::uint32_t>(static_cast<float>(*decoded.scalars[0])), 0};
       return Status::kRunning;
@@ -97,19 +97,18 @@ Status Vm::execute_array_op(const DecodedInstruction& decoded) {
     case Opcode::kResSetReg:
       return access_group_member(decoded);
     case Opcode::kScatter:
-      return scatter(decoded);
-    case Opcode::kMatrixProduct:
-      return multiply_matrix(decoded);
+      return write_masked<&Vm::scatter>(decoded);
+    case Opcode::kMatrixProduct: {
+      const Plane& first = register_file_.registers[program_.groups[decoded.groups[0]].members.front()];
+      return write_masked(decoded, first, [&](const float* mask) { return multiply_matrix(decoded, mask); });
+    }
     default:
-      return execute_neighbourhood(decoded);
+      return write_masked<&Vm::execute_neighbourhood>(decoded);
   }
 }
 
 // The destination has a shape of its own, and may be a source.
-Status Vm::scatter(const DecodedInstruction& decoded) {
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+Status Vm::scatter(const DecodedInstruction& decoded, const float* mask) {
   if (decoded.planes[1] == nullptr) return scatter_number(decoded, mask);
   with_cell_type(decoded.type, [&](auto cell) {
     using T = decltype(cell);
@@ -147,17 +146,14 @@ Status Vm::scatter_number(const DecodedInstruction& decoded, const float* mask) 
   return Status::kRunning;
 }
 
-Status Vm::multiply_matrix(const DecodedInstruction& decoded) {
+Status Vm::multiply_matrix(const DecodedInstruction& decoded, const float* mask) {
   const auto members = [&](std::size_t k) -> const std::vector<std::uint32_t>& {
     return program_.groups[decoded.groups[k]].members;
   };
   const auto &y = members(0), &x = members(1), &weights = members(2);
   const Plane first = register_file_.registers[y.front()];
-  DecodedInstruction write = decoded;
-  write.destination = &first;
   MatrixProduct product;
-  const WriteAccess access = check_write_access(write, product.mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, first);
+  product.mask = mask;
   matrix_planes_.clear();
   for (const auto* group : {&x, &y})
     for (const std::uint32_t member : *group) matrix_planes_.push_back(register_file_.registers[member].data);
@@ -180,10 +176,7 @@ Status Vm::multiply_matrix(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
-Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+Status Vm::execute_neighbourhood(const DecodedInstruction& decoded, const float* mask) {
   if (program::is_integer(decoded.type) && decoded.op == Opcode::kFilterDo)
     return filter_integers(decoded, mask);
   if (program::is_integer(decoded.type) && decoded.op <= Opcode::kNearAll)
@@ -292,7 +285,7 @@ Status Vm::set_filter_coefficient(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
-Status Vm::fill_random(const DecodedInstruction& decoded) {
+Status Vm::draw_random(const DecodedInstruction& decoded) {
   const RandomStream draw = random_stream_;
   ++random_stream_.draw_index;  // independent of the mask
   const double a = *decoded.scalars[0], b = *decoded.scalars[1];
@@ -301,9 +294,12 @@ Status Vm::fill_random(const DecodedInstruction& decoded) {
         program::to_scalar(draw.draw_one(executor_.kernels(), decoded.op, 0, 0, a, b));
     return Status::kRunning;
   }
-  const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, *decoded.destination);
+  return write_masked(decoded, *decoded.destination,
+                      [&](const float* mask) { return fill_random(decoded, draw, mask); });
+}
+
+Status Vm::fill_random(const DecodedInstruction& decoded, const RandomStream& draw, const float* mask) {
+  const double a = *decoded.scalars[0], b = *decoded.scalars[1];
   const Plane y = *decoded.destination;
   with_cell_type(y.type, [&](auto cell) {
     using T = decltype(cell);
@@ -354,7 +350,7 @@ Status Vm::pop_register(const DecodedInstruction& decoded) {
                 "stack.pop_reg finds a register of " + std::string(program::cell_type_name(top.type)) +
                     ", and the destination is " + std::string(program::cell_type_name(decoded.type)));
   const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
+  const WriteAccess access = check_write_access(decoded, *decoded.destination, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
   if (access == WriteAccess::kAllowed) copy_plane(*decoded.destination, top, mask);
   stack_.pop_back();
@@ -396,22 +392,19 @@ Status Vm::access_group_register(const DecodedInstruction& decoded, Plane reg) {
                                      std::string(program::cell_type_name(y.type)));
   if (a.data == nullptr && !program::is_cell_value(y.type, *decoded.scalars[2]))
     return fail_cell_value(*decoded.scalars[2], y.type);
-  const float* mask = nullptr;
-  DecodedInstruction write = decoded;
-  write.destination = &y;
-  const WriteAccess access = check_write_access(write, mask);
-  if (access != WriteAccess::kAllowed) return skip_write(access, y);
-  if (a.data != nullptr) {
-    if (a.data != y.data) copy_plane(y, a, mask);
+  return write_masked(decoded, y, [&](const float* mask) {
+    if (a.data != nullptr) {
+      if (a.data != y.data) copy_plane(y, a, mask);
+      return Status::kRunning;
+    }
+    Block block(y, mask);
+    if (program::is_integer(y.type))
+      block.integer[0] = static_cast<std::int32_t>(*decoded.scalars[2]);
+    else
+      block.scalar[0] = static_cast<float>(*decoded.scalars[2]);
+    executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr, y.type), block);
     return Status::kRunning;
-  }
-  Block block(y, mask);
-  if (program::is_integer(y.type))
-    block.integer[0] = static_cast<std::int32_t>(*decoded.scalars[2]);
-  else
-    block.scalar[0] = static_cast<float>(*decoded.scalars[2]);
-  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr, y.type), block);
-  return Status::kRunning;
+  });
 }
 
 }  // namespace apron::vm

@@ -164,7 +164,7 @@ std::optional<double> Vm::host_scalar(const DecodedInstruction& decoded) {
 
 Status Vm::execute_host_read(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
-  const WriteAccess access = check_write_access(decoded, mask);
+  const WriteAccess access = check_write_access(decoded, *decoded.destination, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
   // A masked read goes through a scratch plane. The host is called even if no cell is active, so that a wrong
   // name is reported independently of the data.
@@ -216,8 +216,9 @@ Status Vm::execute_plugin(const DecodedInstruction& decoded) {
     return fail(Status::kFailed,
                 "a plugin's operation is a whole number from 0, not " + format_number(number));
   const float* mask = nullptr;
-  const WriteAccess access =
-      decoded.destination != nullptr ? check_write_access(decoded, mask) : WriteAccess::kAllowed;
+  const WriteAccess access = decoded.destination != nullptr
+                                 ? check_write_access(decoded, *decoded.destination, mask)
+                                 : WriteAccess::kAllowed;
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
   // The plugin writes to a scratch plane, because the destination may also be an argument.
   Plane to{};

@@ -16,7 +16,7 @@ std::vector<const CLI::App*> all_commands(const CLI::App& app) {
   return app.get_subcommands([](const CLI::App*) { return true; });
 }
 
-// What takes such a file, in either program.
+// The command that takes such a file, in either program.
 std::string command_for(std::string_view file, const std::string& otherwise) {
   switch (file_kind(std::filesystem::path(file))) {
     case FileKind::kExperiment:

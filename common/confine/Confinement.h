@@ -11,7 +11,7 @@
 
 namespace common {
 
-// What this kernel has, as one line; `complete` if it has all.
+// The means of confinement that this kernel has, as one line; `complete` if it has all.
 struct ConfinementSupport {
   int landlock = 0;  // version of its interface; 0: none
   bool seccomp = false;
@@ -35,7 +35,7 @@ void leave_unconfined(const std::string& what);
 void confine(const Confinement&);
 bool is_confined() noexcept;
 
-// What every program needs of the system: its processor, random numbers, /dev/null.
+// Adds the files that every program needs of the system: its processor, random numbers, /dev/null.
 void add_system_files(Confinement&);
 // Likewise to draw pictures: libraries, fonts, drivers.
 void add_picture_files(Confinement&);

@@ -1,4 +1,4 @@
-// What a confined process still may do.
+// The rights that a confined process still has.
 #pragma once
 
 #include <filesystem>

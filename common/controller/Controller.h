@@ -19,7 +19,7 @@ struct ControllerChannel {
   bool operator==(const ControllerChannel&) const = default;
 };
 
-// What a controller knows of its surface before the first frame.
+// The properties of a surface that a controller knows before the first frame.
 struct ControlledSurface {
   int rows = 0, columns = 0;
   double period_s = 0.0;

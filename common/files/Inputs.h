@@ -12,7 +12,8 @@ namespace common {
 // open. May be called on any thread.
 void note_input(int descriptor) noexcept;
 void note_input(const std::filesystem::path&) noexcept;
-// What is read from here on is not remembered, because a program may overwrite what it has loaded itself.
+// Files that are read from here on are not remembered, because a program may overwrite what it has loaded
+// itself.
 void end_of_inputs() noexcept;
 
 // True if the path names, by whatever link, a file that was noted.
@@ -25,8 +26,8 @@ struct NamedOutput {
 // Call when everything is loaded and before anything is written. Throws UserError if an output is an input,
 // or if two outputs are one file. Pipes and devices may be shared.
 void require_separate_outputs(std::span<const NamedOutput>);
-// What is read or written otherwise after that call must be none of the outputs: true if the path names one,
-// by whatever link. That output is then withheld.
+// Files that are read or written otherwise after that call must be none of the outputs: true if the path
+// names one, by whatever link. That output is then withheld.
 bool withhold_output(const std::filesystem::path&) noexcept;
 // Why the output is not to be written.
 std::error_code withheld(const std::filesystem::path&) noexcept;

@@ -1,4 +1,4 @@
-// Where the running code lies, and the files that come with it.
+// The place of the running code, and the files that come with it.
 #pragma once
 
 #include <filesystem>

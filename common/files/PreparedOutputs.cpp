@@ -41,7 +41,8 @@ std::optional<mode_t> file_mode(const fs::path& name) noexcept {
   return status.st_mode & kPermissions;
 }
 
-// What the umask took from part_mode(). A confined process may not: there the part stays narrower.
+// Restores the rights that the umask took from part_mode(). A confined process may not: there the part stays
+// narrower.
 void keep_mode(const fs::path& part, const fs::path& name) noexcept {
   const std::optional<mode_t> wanted = file_mode(name);
   if (wanted && wanted != file_mode(part)) (void)::chmod(part.c_str(), *wanted);

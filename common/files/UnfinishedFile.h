@@ -21,7 +21,7 @@ class UnfinishedFile {
 
 // Removes the files that this process has registered, but not those of its parent. Async-signal-safe.
 void remove_unfinished_files() noexcept;
-// What remove_unfinished_files() calls at the end: also async-signal-safe.
+// Sets the function that remove_unfinished_files() calls at the end: also async-signal-safe.
 void at_removal_of_unfinished_files(void (*)()) noexcept;
 
 }  // namespace common

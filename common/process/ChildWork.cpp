@@ -36,7 +36,7 @@ bool write_all(int fd, const std::string& bytes) {
   return true;
 }
 
-// What the process has mapped, of which the child's limit is a part.
+// The bytes that the process has mapped, which count towards the child's limit.
 rlim_t mapped_bytes() {
   unsigned long long pages = 0;
   std::FILE* const file = std::fopen("/proc/self/statm", "re");

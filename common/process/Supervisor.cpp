@@ -91,7 +91,7 @@ std::optional<std::uint64_t> data_of(pid_t process) {
   return file ? std::optional(read + written) : std::nullopt;
 }
 
-// What all processes below this one have done.
+// The work of all processes below this one.
 struct Work {
   std::uint64_t ticks = 0;  // of processor time
   std::uint64_t data = 0;   // changes when data are read or written, and when a process starts or ends
@@ -141,11 +141,11 @@ class Supervisor {
                                : sigwaitinfo(&awaited, &info);
       if (!is_stopped_ && signal < 0 && ++polls_ % kPollsBetweenLooks == 0) look_for_progress();
       if (signal != SIGTERM) continue;
-      is_hurried_ = is_told_;
-      is_told_ = is_stopped_ = true;
+      second_signal_ = term_received_;
+      term_received_ = is_stopped_ = true;
     }
   }
-  bool was_told() const { return is_told_; }
+  bool term_received() const { return term_received_; }
 
  private:
   // Returns whether a child is left.
@@ -155,7 +155,7 @@ class Supervisor {
       const pid_t ended = waitpid(-1, &status, WNOHANG);
       if (ended == 0) return true;
       if (ended < 0) return errno == EINTR;
-      std::erase(told_, ended);
+      std::erase(term_sent_to_, ended);
       if (ended == command_ && !status_)
         status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
     }
@@ -179,25 +179,25 @@ class Supervisor {
     const auto now = Clock::now();
     if (!stopped_at_) stopped_at_ = now;
     const auto grace = getppid() == task_.parent ? kGrace : task_.grace_without_parent;
-    const bool is_over = status_.has_value() || is_hurried_ || now - *stopped_at_ >= grace;
+    const bool is_over = status_.has_value() || second_signal_ || now - *stopped_at_ >= grace;
     std::vector<pid_t> all = children();
     if (all.empty() && !status_) all.push_back(command_);
     for (const pid_t child : all) {
       if (is_over) {
         kill(child, SIGKILL);
-      } else if (std::ranges::find(told_, child) == told_.end()) {
+      } else if (std::ranges::find(term_sent_to_, child) == term_sent_to_.end()) {
         kill(child, SIGTERM);
-        told_.push_back(child);
+        term_sent_to_.push_back(child);
       }
     }
   }
 
   const Supervision& task_;
   pid_t command_;
-  std::optional<int> status_;                                       // of the command
-  bool is_stopped_ = false, is_told_ = false, is_hurried_ = false;  // told: by SIGTERM; hurried: by another
+  std::optional<int> status_;                                                // of the command
+  bool is_stopped_ = false, term_received_ = false, second_signal_ = false;  // of SIGTERM
   std::optional<Clock::time_point> stopped_at_;
-  std::vector<pid_t> told_;
+  std::vector<pid_t> term_sent_to_;
   int polls_ = 0, looks_without_work_ = 0;
   std::optional<Work> last_, at_data_;  // at the last look, and when data were last read or written
 };
@@ -230,7 +230,7 @@ class Supervisor {
   Supervisor supervision(task, command);
   const int status = supervision.run(awaited);
   // The parent's signal comes when its main thread has ended, maybe before the others have.
-  if (task.at_end_without_parent && (supervision.was_told() || getppid() != task.parent))
+  if (task.at_end_without_parent && (supervision.term_received() || getppid() != task.parent))
     task.at_end_without_parent();
   _exit(status);
 }

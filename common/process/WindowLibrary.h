@@ -1,4 +1,4 @@
-// What a window needs of the system in addition to a display.
+// The libraries that a window needs in addition to a display.
 #pragma once
 
 namespace common {

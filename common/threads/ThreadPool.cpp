@@ -81,11 +81,11 @@ void ThreadPool::wait_while(const std::atomic<Word>& word, Word old) const noexc
 }
 
 bool ThreadPool::has_cores() noexcept {
-  const auto is_crowded = [this] {
+  const auto is_oversubscribed = [this] {
     const CoreDemand demand = core_demand();
     return demand.runnable_threads - 1 + thread_count() > demand.cores && demand.cores > 0;
   };
-  return !is_single() && (always_shares() || budget_.allows(clock_ns(CLOCK_MONOTONIC), is_crowded));
+  return !is_single() && (always_shares() || budget_.allows(clock_ns(CLOCK_MONOTONIC), is_oversubscribed));
 }
 
 bool ThreadPool::is_pause() const noexcept {

@@ -153,14 +153,14 @@ class ThreadPool {
   template <class Alone>
   void work_alone(const Alone& alone) {
     if (is_single()) return alone();
-    const bool is_watched = budget_.is_watch_due();
-    const std::int64_t begin_ns = now_ns(), begin_cpu_ns = is_watched ? cpu_ns() : 0;
+    const bool is_measured = budget_.is_measurement_due();
+    const std::int64_t begin_ns = now_ns(), begin_cpu_ns = is_measured ? cpu_ns() : 0;
     alone();
-    const std::int64_t own_ns = is_watched ? cpu_ns() - begin_cpu_ns : 0, wall_ns = now_ns() - begin_ns;
-    if (is_watched)
-      budget_.watch_alone(wall_ns, own_ns);
+    const std::int64_t own_ns = is_measured ? cpu_ns() - begin_cpu_ns : 0, wall_ns = now_ns() - begin_ns;
+    if (is_measured)
+      budget_.record_serial(wall_ns, own_ns);
     else
-      budget_.pass_alone(wall_ns);
+      budget_.record_unmeasured(wall_ns);
   }
   bool run(const Job&) noexcept;
   bool all_come(std::uint32_t round) noexcept;

@@ -75,7 +75,7 @@ constexpr bool is_sensor = std::is_same_v<Type, smartsurf_plugin_sensor>;
 template <class Type>
 constexpr std::uint32_t kMaxComponents = is_sensor<Type> ? 64 : 1;
 
-// What configure() makes of an actuator's or a sensor's tables.
+// The result of configure() for an actuator's or a sensor's tables.
 struct Configuration {
   std::vector<smartsurf_plugin_channel> channels;
   double min_height, max_height;

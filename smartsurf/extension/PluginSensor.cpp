@@ -10,7 +10,7 @@
 namespace smartsurf::extension {
 namespace {
 
-// What is wrong with a ray, one clause; "" if it can be cast.
+// The fault of a ray, one clause; "" if it can be cast.
 std::string problem_of(const surface::CellRay& ray, const Eigen::Vector3f& direction) {
   const auto text = [](const Eigen::Vector3f& v) { return fmt::format("({}, {}, {})", v.x(), v.y(), v.z()); };
   if (!ray.origin.allFinite()) return "origin = " + text(ray.origin) + ": must be finite";

@@ -28,7 +28,7 @@ class ClippedMesh {
   ClippedMesh clip_below(const Plane&) const;
 
   double volume() const;
-  // What is left of the source's surface, without the cuts.
+  // The rest of the source's surface, without the cuts.
   const std::vector<Triangle>& surface() const { return surface_; }
   // Points with the same convex hull as the clipped solid.
   std::vector<Eigen::Vector3d> hull_points() const;

@@ -25,7 +25,7 @@ constexpr int kSlicesPerAxis = 8;
 constexpr double kMinSaving = 0.01;
 // A solid whose hulls exceed it by more than this fraction is taken for a hollow one.
 constexpr double kHollowExcess = 0.1;
-// What the hulls of a hollow solid may exceed it by before, and after parts are merged.
+// The excess that the hulls of a hollow solid may have before, and after parts are merged.
 constexpr double kHollowGoal = 0.05, kHollowMergedGoal = 0.065;
 constexpr std::size_t kMaxHollowCutPlanes = 6;
 

@@ -16,6 +16,7 @@
 #include "common/files/AtomicFile.h"
 #include "common/files/ReadFile.h"
 #include "common/hash/Fnv.h"
+#include "smartsurf/mesh/ByteString.h"
 
 namespace smartsurf::mesh {
 namespace {
@@ -24,11 +25,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kEnding = ".parts";
 constexpr std::size_t kMinTriangles = 64;  // smaller meshes take less time than a file
-
-template <typename T>
-void append(std::string& bytes, const T* values, std::size_t count) {
-  bytes.append(reinterpret_cast<const char*>(values), count * sizeof(T));
-}
 
 // Takes values from the front of the bytes; false if there are fewer.
 template <typename T>

@@ -16,7 +16,9 @@
 
 #include "common/files/Inputs.h"
 #include "common/process/ChildWork.h"
+#include "common/text/Utf8.h"
 #include "common/text/Words.h"
+#include "smartsurf/mesh/ByteString.h"
 #include "smartsurf/mesh/GltfCheck.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -34,9 +36,9 @@ constexpr const char* kNeedsMemory = "needs more memory than a reader of meshes 
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
-constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+using common::kByteOrderMark;
 
-// Of texts; the importer of OBJ would take the mark for a part of the first word.
+// OBJ's importer takes the mark for part of the first word.
 bool has_byte_order_mark(const fs::path& file) {
   std::string start(kByteOrderMark.size(), '\0');
   std::ifstream(file, std::ios::binary).read(start.data(), static_cast<std::streamsize>(start.size()));
@@ -195,11 +197,6 @@ TriangleMesh import_mesh(const fs::path& file) {
 }
 
 // The child process returns bytes: 'm', two counts and the arrays of a mesh, or 'e' and an error message.
-template <typename T>
-void append(std::string& bytes, const T* values, std::size_t count) {
-  bytes.append(reinterpret_cast<const char*>(values), count * sizeof(T));
-}
-
 std::string serialize(const TriangleMesh& mesh) {
   const std::uint64_t counts[] = {mesh.points.size(), mesh.triangles.size()};
   std::string bytes = "m";

@@ -5,13 +5,12 @@
 #include <numbers>
 #include <numeric>
 
+#include "common/index/UnionFind.h"
+
 namespace smartsurf::mesh {
 namespace {
 
-std::uint32_t find_root(std::vector<std::uint32_t>& parent, std::uint32_t i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
+using common::find_root;
 
 // Maps each point to the lowest index of the points that it is merged with.
 std::vector<std::uint32_t> weld_map(const std::vector<Eigen::Vector3d>& points, double distance) {

@@ -34,7 +34,7 @@ Inertial read_inertial(const Element& e) {
   return transformed(read_origin(e), inertial);
 }
 
-// What stands after "package://NAME/" or "file://"; the folder of the file stands for the package.
+// The path after "package://NAME/" or "file://"; the folder of the file stands for the package.
 std::string mesh_path(const Element& mesh) {
   std::string path = mesh.required_text("filename");
   constexpr std::string_view kPackage = "package://", kFile = "file://";

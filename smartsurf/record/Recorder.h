@@ -49,7 +49,7 @@ struct LiveRow {
   std::span<const float> reals;
 };
 
-// What a recording stores about a run besides its SceneSpec.
+// The data of a run that a recording stores besides its SceneSpec.
 struct RunMetadata {
   std::string command_line;
   std::string mode;          // "time-step" or "passive"

@@ -235,6 +235,10 @@ bool Recording::has_heights() const { return contents_->heights.has_value(); }
 bool Recording::has_motion() const { return contents_->motion.has_value(); }
 bool Recording::has_angular_velocities() const { return contents_->has_angular_velocities; }
 bool Recording::has_objects() const { return contents_->has_objects; }
+void Recording::require_poses() const {
+  if (frames() == 0 || !(has_objects() || has_heights()))
+    throw scene::InputError(path().string() + ": holds nothing to show");
+}
 
 std::vector<float> Recording::read_positions(std::size_t first, std::size_t count) const {
   return contents_->read_vectors(paths::kPosition, first, count);

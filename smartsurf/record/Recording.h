@@ -78,6 +78,8 @@ class Recording {
   bool has_motion() const;              // false if all actuators are pins
   bool has_angular_velocities() const;  // false for recordings of older versions, which lack the dataset
   bool has_objects() const;  // false if the experiment did not record objects; there are then no poses
+  // Throws scene::InputError if there is nothing to show: no frame, or neither objects nor heights.
+  void require_poses() const;
   // Frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
   std::vector<float> read_positions(std::size_t first, std::size_t count) const;
   std::vector<float> read_velocities(std::size_t first, std::size_t count) const;  // u/s

@@ -127,7 +127,7 @@ class Planes {
   std::vector<scene::ChannelData> data_;
 };
 
-// What a bridge publishes of its boards, as a surface of its own with one row: all of its channels.
+// The boards of a bridge, which it publishes as a surface of its own with one row: all of its channels.
 class Boards {
  public:
   explicit Boards(const std::string& surface) {

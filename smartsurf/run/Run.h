@@ -29,7 +29,7 @@ namespace smartsurf::run {
 
 class Run {
  public:
-  // What a run that the user restarts, or replaces by another experiment, passes to the next run.
+  // The values that a run that the user restarts, or replaces by another experiment, passes to the next run.
   struct Restart {
     RunOptions options;
     script::Experiment experiment;

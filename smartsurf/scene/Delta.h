@@ -25,7 +25,7 @@ struct Delta {
   // mass·u/s², mass/s², mass/s. Infinite: an unlimited force, a rigid tip.
   double max_force, stiffness, damping;
 
-  // Where the joints are, rad from east about the cell's centre: the first in the north.
+  // The directions of the joints, rad from east about the cell's centre: the first in the north.
   static const std::array<double, 3> kJointDirections;
 
   // delta: of the model "delta".

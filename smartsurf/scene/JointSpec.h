@@ -17,8 +17,8 @@ namespace smartsurf::scene {
 // Index in the order of creation; never reused.
 using JointId = std::uint32_t;
 
-// What stays free between a and b: the rotation about an axis, the translation along one, all rotations,
-// nothing.
+// The motion that stays free between a and b: the rotation about an axis, the translation along one, all
+// rotations, nothing.
 enum class JointKind : std::uint8_t { kHinge, kSlider, kBall, kFixed };
 inline constexpr const char* kJointKindNames[] = {"hinge", "slider", "ball", "fixed"};
 

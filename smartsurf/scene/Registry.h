@@ -1,4 +1,4 @@
-// What has a name, of actuators or of sensors: the built-in entries, and those that extensions add.
+// The named entries, of actuators or of sensors: the built-in ones, and those that extensions add.
 // Thread-safe. Entries are never removed or changed, so a pointer to one stays valid.
 #pragma once
 

@@ -70,7 +70,7 @@ struct SensorKind {
   std::function<std::string(const SensorSpec&)> check_constraints = {};
   Extension extension = {};
 
-  // Whether the sensor error false_hits is defined: the mask follows the first channel, as proximity's does.
+  // True if the sensor error false_hits is defined: the mask follows the first channel, as proximity's does.
   bool has_false_hits() const { return mask_channel > 0 && extension.name.empty(); }
   // Searches `parameters`, then sensor_error_parameters(). Null if there is none.
   const Parameter* find_parameter(std::string_view) const;

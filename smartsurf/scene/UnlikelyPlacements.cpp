@@ -19,8 +19,8 @@ namespace {
 constexpr double kAllowedDepth = 0.25;
 constexpr int kMaxTests = 1'000'000;  // pairs tested: enough to find thousands of objects at one place
 
-// What an object certainly contains: a box about the origin (half edges, body frame) or, with half edges of 0
-// across, a segment along z, grown by a radius.
+// A part of space that an object certainly contains: a box about the origin (half edges, body frame) or, with
+// half edges of 0 across, a segment along z, grown by a radius.
 struct Core {
   Eigen::Vector3d half;
   double radius;

@@ -10,7 +10,7 @@
 
 namespace smartsurf::scene {
 
-// What is wrong with the place of one object, at rest or not.
+// The faults of the place of one object, at rest or not.
 class PlacementCheck {
  public:
   enum class Kind { kLarge, kSmall, kBeside, kBelow, kAmong, kWalled };

@@ -265,7 +265,7 @@ Experiment::Experiment(Experiment&&) noexcept = default;
 Experiment& Experiment::operator=(Experiment&&) noexcept = default;
 Experiment::~Experiment() = default;
 
-// What Lua would call an unexpected symbol.
+// Refuses files whose first bytes Lua would call an unexpected symbol.
 static void refuse_other_kinds(const std::filesystem::path& path, std::string_view text) {
   const std::string name = to_single_line(path.string());
   switch (common::file_kind(path, text)) {

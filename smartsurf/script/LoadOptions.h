@@ -28,7 +28,7 @@ struct LoadOptions {
   std::optional<std::string> engine;
   // The script's text; nullopt = read the file.
   std::optional<std::string> source;
-  // Where the script reads files; nullopt = beside it.
+  // The folder from which the script reads files; nullopt = beside it.
   std::optional<std::filesystem::path> script_folder;
   // Builds the solids of mesh{} and hull{}; null = both are errors.
   std::shared_ptr<scene::SolidFactory> solid_factory;
@@ -39,7 +39,7 @@ struct LoadOptions {
   // Loads the extension at this path for extension 'x.so'; throws scene::InputError. Null: the script may
   // only name extensions that are loaded.
   std::function<void(const std::filesystem::path&)> load_extension;
-  // Where the script may write files, a folder that is created when it first does; empty = nowhere.
+  // The folder in which the script may write files, created when it first does; empty = none.
   std::filesystem::path output_folder;
   // Receives the output of print and io.write; null = stdout.
   std::function<void(std::string_view)> print_output;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/hash/Fnv.h"
+#include "common/hash/SplitMix64.h"
 
 namespace smartsurf::script {
 
@@ -11,13 +12,7 @@ Random Random::stream(std::uint64_t seed, std::string_view purpose) {
   return Random(Random(Random(seed).next() + common::fnv1a(purpose)).next());
 }
 
-std::uint64_t Random::next() {
-  state_ += 0x9e3779b97f4a7c15u;
-  std::uint64_t z = state_;
-  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-  return z ^ (z >> 31);
-}
+std::uint64_t Random::next() { return common::next_splitmix64(state_); }
 
 double Random::uniform_unit() { return static_cast<double>(next() >> 11) * 0x1.0p-53; }
 

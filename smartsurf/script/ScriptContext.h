@@ -24,7 +24,7 @@ namespace smartsurf::script {
 
 enum class Phase { kLoading, kRunning };
 
-// What random numbers are drawn for; each purpose has a stream of its own.
+// The purpose of random numbers; each has a stream of its own.
 enum class Purpose : std::size_t { kLoad, kReset, kStep };
 
 // A value of info{}: the state of an object, or what a function returns.

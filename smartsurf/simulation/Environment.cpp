@@ -218,7 +218,7 @@ std::vector<double> Environment::parameter(const SceneParameter& parameter) cons
   const auto is_drawn = [&](const auto& value) {
     return std::ranges::any_of(ranges_, [&](const Range& r) { return r.parameter.name() == value.first; });
   };
-  // What the next episode has besides this one's values. Those that are drawn apply after those that are set.
+  // The values of the next episode that differ from this one's. Drawn values apply after those that are set.
   Values changes;
   std::ranges::copy_if(set_values_, std::back_inserter(changes), [&](const auto& value) {
     return std::ranges::find(applied_values_, value) == applied_values_.end();
@@ -350,8 +350,8 @@ void Environment::restore(std::string_view bytes) {
   std::optional<Ending> ending;
   std::optional<double> reached_s;
   archive(values, ending, reached_s);
-  // What seed and parameters determine besides the state: faults, actuators, shapes, and what the script
-  // draws while it loads.
+  // Seed and parameters also determine faults, actuators, shapes, and the numbers that the script draws while
+  // it loads.
   if (!simulation_ || header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
   if (!has_engine) require_same_experiment();
   failed_ = true;  // until everything is restored
@@ -401,7 +401,7 @@ Verdict Environment::verdict() const {
 
 bool Environment::has_succeeded() const { return reached_s_ || (ending_ && verdict().success == true); }
 
-// Whether success() says so of the latest state.
+// Asks success() about the latest state.
 bool Environment::ask_for_success() {
   const scene::Snapshot& state = simulation_->partial_snapshot();
   const std::optional<double> reached_s = experiment_->success(state.time_s, state.tick);

@@ -37,7 +37,7 @@ struct EnvironmentOptions {
   bool fixed_channels = false;
 };
 
-// What one step has led to.
+// The result of one step.
 struct StepResult {
   double reward = 0.0;
   bool terminated = false;  // success(), stop() or quit() of the script
@@ -126,7 +126,7 @@ class Environment {
   // Runs on_finish, whose metrics are final; once per episode, which ends.
   void finish();
 
-  // Whether success() has said so in this episode or, once it has ended, the verdict does.
+  // True if success() has said so in this episode or, once it has ended, the verdict does.
   bool has_succeeded() const;
   // As of the latest step, or of finish(). Throws as simulation() does.
   Verdict verdict() const;

@@ -112,9 +112,8 @@ void EnvironmentBatch::collapse_huge_pages() const {
   }
 }
 
-// What a step of a world touches lies between its simulation and the next one's, because one thread has
-// created both; of a large world it is the beginning. Few worlds are read from the cache in less time than
-// they are asked for.
+// The distance from a world's simulation to the next one's, between which a step's memory lies, because one
+// thread has created both; at most the beginning of a large world. 0 for few worlds, which the cache holds.
 std::size_t EnvironmentBatch::prefetched_bytes() const {
   constexpr std::ptrdiff_t kMaxBytes = 48 << 10;
   constexpr std::size_t kMinWorlds = 256;

@@ -21,14 +21,14 @@
 
 namespace smartsurf::simulation {
 
-// What a step does with a world whose episode has ended (Gymnasium's AutoresetMode).
+// The treatment of a world whose episode has ended (Gymnasium's AutoresetMode).
 enum class Autoreset {
   kNextStep,  // the next step resets it, ignores its actions, and yields the first observation and reward 0
   kSameStep,  // the same step resets it; the last state goes to final_state
   kDisabled,  // nothing; the caller resets it
 };
 
-// What there is of a state, world by world.
+// The arrays of a state, world by world.
 struct StateArrays {
   std::span<float> observations;              // worlds × observation_size()
   std::span<double> info;                     // worlds × info_size()
@@ -125,7 +125,8 @@ class EnvironmentBatch {
   struct World {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
-    // Where that of the episode lies. The thread of the world before may look while a reset moves it.
+    // Address of the episode's simulation, for the prefetch. The thread of the world before may read it while
+    // a reset moves it.
     std::atomic<const std::byte*> simulation = nullptr;
     std::uint64_t seed = 0;          // of the episode, also of one that could not start
     std::uint64_t started_seed = 0;  // of the latest one that was not restored
@@ -152,7 +153,7 @@ class EnvironmentBatch {
   void throw_if_all_failed() const;
   void collapse_huge_pages() const;
   std::size_t prefetched_bytes() const;
-  // What the step of the world after this one touches, apart from its script, if it is not in the cache.
+  // The memory that the step of the next world touches, apart from its script; empty if it is in the cache.
   std::span<const std::byte> memory_of_next(std::size_t i) const {
     if (i + 1 == worlds_.size()) return {};
     const std::byte* const next = worlds_[i + 1].simulation.load(std::memory_order_relaxed);

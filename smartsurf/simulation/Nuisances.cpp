@@ -243,7 +243,7 @@ std::shared_ptr<const scene::Solid> Nuisances::scaled(const std::shared_ptr<cons
   return scaled_.back().second;
 }
 
-// What is valid at both ends is so between them, and what several add up to where all are at theirs.
+// Checks both ends of each range, and all of them at once.
 void Nuisances::check(const SceneSpec& s, const std::vector<Variation>& variations) {
   const auto require_valid_at = [&s](const std::vector<Variation>& ends) {
     SceneSpec at_end = s;

@@ -261,11 +261,10 @@ void SceneParameter::check(const SceneSpec& s) const {
   if (check_) check_(s);
 }
 
-SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
-  SceneParameter out;
-  out.name_ = name;
-  const auto [kind, rest] = split(name);
-  if (kind == "object") {
+// The makers, one for each first word of a name; `rest` is what follows it.
+struct SceneParameter::Makers {
+  static SceneParameter object(const SceneSpec& s, std::string_view name, const std::string& rest) {
+    SceneParameter out;
     // A label may have dots; a field has none.
     const std::size_t dot = rest.rfind('.');
     const std::string group = rest.substr(0, dot),
@@ -296,7 +295,11 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
         require_valid_material(scene, scene.objects[id].material);
       }
     };
-  } else if (kind == "surface") {
+    return out;
+  }
+
+  static SceneParameter surface(const SceneSpec&, std::string_view name, const std::string& rest) {
+    SceneParameter out;
     const auto* const f =
         std::ranges::find(kMaterialFields, rest, [](const MaterialField& m) { return std::string(m.name); });
     if (f == kMaterialFields.end())
@@ -308,7 +311,11 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
       own_material(to, to.surface.material).*(f->member) = from[0];
     };
     out.check_ = [](const SceneSpec& scene) { require_valid_material(scene, scene.surface.material); };
-  } else if (kind == "world") {
+    return out;
+  }
+
+  static SceneParameter world(const SceneSpec&, std::string_view name, const std::string& rest) {
+    SceneParameter out;
     if (rest != "gravity") refuse_unknown(name, rest, {"gravity"});
     out.shape_ = {out.components_ = 3};
     out.get_ = [](const SceneSpec& from, std::span<double> to) {
@@ -318,7 +325,11 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
       to.world.gravity = Eigen::Map<const Eigen::Vector3d>(from.data());
     };
     out.check_ = [](const SceneSpec& scene) { throw_if_broken(validate(scene.world)); };
-  } else if (kind == "actuator") {
+    return out;
+  }
+
+  static SceneParameter actuator(const SceneSpec& s, std::string_view name, const std::string& rest) {
+    SceneParameter out;
     const auto actuators = s.surface.effective_actuators();
     std::string model = actuators.front().model, field = rest;
     const auto* parameter = settable(*scene::find_actuator_kind(model), field);
@@ -355,7 +366,11 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
       }
       throw_if_broken(validate(scene.surface));
     };
-  } else if (kind == "sensor") {
+    return out;
+  }
+
+  static SceneParameter sensor(const SceneSpec& s, std::string_view name, const std::string& rest) {
+    SceneParameter out;
     const auto [sensor, field] = split(rest);
     const auto it = std::ranges::find(s.surface.sensors, sensor, &scene::SensorSpec::name);
     if (it == s.surface.sensors.end()) {
@@ -385,84 +400,124 @@ SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
       require_whole(scene.surface.sensors[index].values, *parameter);
       throw_if_broken(sensor_kind->validate(scene.surface.sensors[index]));
     };
-  } else if (kind == "faults") {
-    const auto [group, fault] = split(rest);
-    if (group == "actuator" && fault == "latency") {
-      out.get_ = [](const SceneSpec& from, std::span<double> to) {
-        to[0] = from.surface.faults.actuator.latency_ticks;
-      };
-      out.set_ = [](SceneSpec& to, std::span<const double> from) {
-        // -1, which the check refuses, for all that an int cannot hold.
-        const bool fits = from[0] >= 0.0 && from[0] <= 1000.0 && from[0] == std::round(from[0]);
-        to.surface.faults.actuator.latency_ticks = fits ? static_cast<int>(from[0]) : -1;
-      };
-      out.is_whole_ = true;
-      out.check_ = [](const SceneSpec& scene) {
-        if (scene.surface.faults.actuator.latency_ticks < 0)
-          refuse("faults.actuator.latency: must be a whole number, 0 to 1000");
-      };
-    } else if (group == "actuator") {
-      const auto* const f = std::ranges::find(
-          kActuatorFaultFields, fault, [](const FaultField& field) { return std::string(field.name); });
-      if (f == kActuatorFaultFields.end())
-        refuse_unknown(name, fault, {"stuck", "dead", "weak", "weak_gain", "latency"});
-      out.get_ = [f](const SceneSpec& from, std::span<double> to) {
-        to[0] = from.surface.faults.actuator.*(f->member);
-      };
-      out.set_ = [f](SceneSpec& to, std::span<const double> from) {
-        to.surface.faults.actuator.*(f->member) = from[0];
-      };
-      out.check_ = [f](const SceneSpec& scene) {
-        const scene::ActuatorFaultSpec& a = scene.surface.faults.actuator;
-        require_fraction(std::string("faults.actuator.") + f->name, a.*(f->member));
-        if (const double total = a.stuck_fraction + a.dead_fraction + a.weak_fraction; total > 1.0 + 1e-9)
-          refuse("faults.actuator: stuck, dead and weak add up to " + scene::format_number(total) +
-                 " of the cells: must be at most 1");
-      };
-    } else if (group == "sensor") {
-      const auto errors = scene::sensor_error_parameters();
-      const auto parameter = std::ranges::find(errors, fault, &scene::Parameter::name);
-      if (parameter == errors.end()) refuse_unknown(name, fault, settable_names(errors));
-      out.get_ = [parameter](const SceneSpec& from, std::span<double> to) {
-        get_values(from.surface.faults.sensor_errors, *parameter, to);
-      };
-      out.set_ = [parameter](SceneSpec& to, std::span<const double> from) {
-        set_values(to.surface.faults.sensor_errors, *parameter, from);
-      };
-      out.is_whole_ = is_whole_number(*parameter);
-      out.check_ = [parameter](const SceneSpec& scene) {
-        require_whole(scene.surface.faults.sensor_errors, *parameter);
-        throw_if_broken(scene::validate_sensor_errors("faults.sensor", scene.surface.faults.sensor_errors));
-      };
-    } else {
-      // A channel's name may have dots.
-      const std::size_t dot = rest.rfind('.');
-      const std::string channel = rest.substr(0, dot),
-                        of = dot == std::string::npos ? "" : rest.substr(dot + 1);
-      const std::vector<std::string> known = faults_of_channel(s, channel);
-      if (known.empty()) {
-        std::vector<std::string> channels = s.surface.sensor_channels();
-        for (const auto& c : s.surface.actuator_channels()) channels.push_back(c.name);
-        channels.insert(channels.end(), {"actuator", "sensor"});
-        refuse_unknown(name, channel, channels);
-      }
-      if (std::ranges::find(known, of) == known.end()) refuse_unknown(name, of, known);
-      const std::size_t cells = s.surface.cell_count();
-      out.shape_ = {static_cast<std::size_t>(s.surface.rows), static_cast<std::size_t>(s.surface.columns)};
-      out.get_ = [channel, of, cells](const SceneSpec& from, std::span<double> to) {
-        std::ranges::fill(to.first(cells), takes_value(of) ? kNan : 0.0);
-        for (const scene::CellFault& c : from.surface.faults.cells)
-          if (c.channel == channel && c.fault == of)
-            to[from.surface.index(c.row, c.column)] = c.value.value_or(1.0);
-      };
-      out.set_ = [channel, of](SceneSpec& to, std::span<const double> from) {
-        set_cell_faults(to, channel, of, from);
-      };
-      out.is_per_cell_ = true;
-    }
-  } else {
-    refuse_unknown(name, kind, {"object", "surface", "world", "actuator", "sensor", "faults"});
+    return out;
   }
+
+  static SceneParameter faults(const SceneSpec& s, std::string_view name, const std::string& rest) {
+    const auto [group, fault] = split(rest);
+    if (group == "actuator") return fault == "latency" ? latency() : actuator_fault(name, fault);
+    return group == "sensor" ? sensor_fault(name, fault) : cell_fault(s, name, rest);
+  }
+
+  static SceneParameter latency() {
+    SceneParameter out;
+    out.get_ = [](const SceneSpec& from, std::span<double> to) {
+      to[0] = from.surface.faults.actuator.latency_ticks;
+    };
+    out.set_ = [](SceneSpec& to, std::span<const double> from) {
+      // -1, which the check refuses, for all that an int cannot hold.
+      const bool fits = from[0] >= 0.0 && from[0] <= 1000.0 && from[0] == std::round(from[0]);
+      to.surface.faults.actuator.latency_ticks = fits ? static_cast<int>(from[0]) : -1;
+    };
+    out.is_whole_ = true;
+    out.check_ = [](const SceneSpec& scene) {
+      if (scene.surface.faults.actuator.latency_ticks < 0)
+        refuse("faults.actuator.latency: must be a whole number, 0 to 1000");
+    };
+    return out;
+  }
+
+  static SceneParameter actuator_fault(std::string_view name, const std::string& fault) {
+    SceneParameter out;
+    const auto* const f = std::ranges::find(kActuatorFaultFields, fault,
+                                            [](const FaultField& field) { return std::string(field.name); });
+    if (f == kActuatorFaultFields.end())
+      refuse_unknown(name, fault, {"stuck", "dead", "weak", "weak_gain", "latency"});
+    out.get_ = [f](const SceneSpec& from, std::span<double> to) {
+      to[0] = from.surface.faults.actuator.*(f->member);
+    };
+    out.set_ = [f](SceneSpec& to, std::span<const double> from) {
+      to.surface.faults.actuator.*(f->member) = from[0];
+    };
+    out.check_ = [f](const SceneSpec& scene) {
+      const scene::ActuatorFaultSpec& a = scene.surface.faults.actuator;
+      require_fraction(std::string("faults.actuator.") + f->name, a.*(f->member));
+      if (const double total = a.stuck_fraction + a.dead_fraction + a.weak_fraction; total > 1.0 + 1e-9)
+        refuse("faults.actuator: stuck, dead and weak add up to " + scene::format_number(total) +
+               " of the cells: must be at most 1");
+    };
+    return out;
+  }
+
+  static SceneParameter sensor_fault(std::string_view name, const std::string& fault) {
+    SceneParameter out;
+    const auto errors = scene::sensor_error_parameters();
+    const auto parameter = std::ranges::find(errors, fault, &scene::Parameter::name);
+    if (parameter == errors.end()) refuse_unknown(name, fault, settable_names(errors));
+    out.get_ = [parameter](const SceneSpec& from, std::span<double> to) {
+      get_values(from.surface.faults.sensor_errors, *parameter, to);
+    };
+    out.set_ = [parameter](SceneSpec& to, std::span<const double> from) {
+      set_values(to.surface.faults.sensor_errors, *parameter, from);
+    };
+    out.is_whole_ = is_whole_number(*parameter);
+    out.check_ = [parameter](const SceneSpec& scene) {
+      require_whole(scene.surface.faults.sensor_errors, *parameter);
+      throw_if_broken(scene::validate_sensor_errors("faults.sensor", scene.surface.faults.sensor_errors));
+    };
+    return out;
+  }
+
+  static SceneParameter cell_fault(const SceneSpec& s, std::string_view name, const std::string& rest) {
+    SceneParameter out;
+    // A channel's name may have dots.
+    const std::size_t dot = rest.rfind('.');
+    const std::string channel = rest.substr(0, dot),
+                      of = dot == std::string::npos ? "" : rest.substr(dot + 1);
+    const std::vector<std::string> known = faults_of_channel(s, channel);
+    if (known.empty()) {
+      std::vector<std::string> channels = s.surface.sensor_channels();
+      for (const auto& c : s.surface.actuator_channels()) channels.push_back(c.name);
+      channels.insert(channels.end(), {"actuator", "sensor"});
+      refuse_unknown(name, channel, channels);
+    }
+    if (std::ranges::find(known, of) == known.end()) refuse_unknown(name, of, known);
+    const std::size_t cells = s.surface.cell_count();
+    out.shape_ = {static_cast<std::size_t>(s.surface.rows), static_cast<std::size_t>(s.surface.columns)};
+    out.get_ = [channel, of, cells](const SceneSpec& from, std::span<double> to) {
+      std::ranges::fill(to.first(cells), takes_value(of) ? kNan : 0.0);
+      for (const scene::CellFault& c : from.surface.faults.cells)
+        if (c.channel == channel && c.fault == of)
+          to[from.surface.index(c.row, c.column)] = c.value.value_or(1.0);
+    };
+    out.set_ = [channel, of](SceneSpec& to, std::span<const double> from) {
+      set_cell_faults(to, channel, of, from);
+    };
+    out.is_per_cell_ = true;
+    return out;
+  }
+};
+
+SceneParameter SceneParameter::find(const SceneSpec& s, std::string_view name) {
+  struct Kind {
+    const char* name;
+    SceneParameter (*make)(const SceneSpec&, std::string_view name, const std::string& rest);
+  };
+  static constexpr std::array<Kind, 6> kKinds{{{"object", Makers::object},
+                                               {"surface", Makers::surface},
+                                               {"world", Makers::world},
+                                               {"actuator", Makers::actuator},
+                                               {"sensor", Makers::sensor},
+                                               {"faults", Makers::faults}}};
+  const auto [word, rest] = split(name);
+  const auto kind = std::ranges::find_if(kKinds, [&](const Kind& k) { return word == k.name; });
+  if (kind == kKinds.end()) {
+    std::vector<std::string> known;
+    for (const Kind& k : kKinds) known.emplace_back(k.name);
+    refuse_unknown(name, word, known);
+  }
+  SceneParameter out = kind->make(s, name, rest);
+  out.name_ = name;
   return out;
 }
 

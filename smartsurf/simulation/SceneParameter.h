@@ -57,6 +57,8 @@ class SceneParameter {
   void check(const scene::SceneSpec&) const;
 
  private:
+  struct Makers;
+
   std::string name_;
   std::vector<std::size_t> shape_;
   std::size_t components_ = 1;

@@ -14,9 +14,8 @@ struct Verdict {
   std::optional<double> success_s;  // when the goal was reached; nullopt: it was not
 };
 
-// What success() said at any tick, else what stop() or the metric `success` says at the end.
-// reached_s: what success() returned when it first said so. stop_success: what stop() said. end_s: the time
-// of the last state.
+// The verdict of success() at any tick, else of stop() or the metric `success` at the end. reached_s: the
+// time that success() returned first. stop_success: the result of stop(). end_s: the time of the last state.
 Verdict judge(const script::Experiment&, std::optional<double> reached_s, std::optional<bool> stop_success,
               double end_s);
 

@@ -68,7 +68,7 @@ class ActuatorArray {
   void add_forces(double dt_s, const BodyView&, std::span<const scene::ObjectSpec> catalogue,
                   std::span<Wrench>) noexcept;
 
-  // What a model wrote since the last plan() that the physics must not take.
+  // The output of a model since the last plan() that the physics must not take.
   std::optional<RefusedOutput> refused_output() const noexcept;
 
   // Writes the state of the cells' mechanisms for drawing: rows × columns, or empty if every cell is a pin.

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "common/csv/Csv.h"
+#include "common/text/Utf8.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::surface {
@@ -45,7 +46,7 @@ double CsvRow::number(std::size_t column, const char* name) const {
 
 std::vector<CsvRow> read_csv(const std::string& file, std::string_view text, std::string_view header,
                              std::size_t optional_columns) {
-  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  text = common::without_byte_order_mark(text);
   const std::vector<std::string> column_names = split_fields(header);
   std::vector<CsvRow> rows;
   bool has_header = false;

@@ -7,8 +7,7 @@
 namespace smartsurf::web {
 
 std::vector<std::size_t> select_frames(const record::Recording& recording, double frames_per_second) {
-  if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
-    throw scene::InputError(recording.path().string() + ": holds nothing to show");
+  recording.require_poses();
   std::vector<std::size_t> selected;
   double next_s = -std::numeric_limits<double>::infinity();
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {

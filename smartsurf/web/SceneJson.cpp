@@ -116,6 +116,12 @@ json palette_json() {
   return samples;
 }
 
+json looks_json() {
+  json looks;
+  for (const auto& [name, value] : view::actuator_looks()) looks[name] = value;
+  return looks;
+}
+
 }  // namespace
 
 json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec> objects) {
@@ -138,6 +144,7 @@ json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec>
           {"mechanisms", actuators_json(s, geometry)},
           {"colours", colours_json()},
           {"palette", palette_json()},
+          {"looks", looks_json()},
           {"objects", objects_json(objects)}};
 }
 

@@ -1,8 +1,6 @@
 // Draws the mechanisms of cells other than pins with flat tips, like the simulator's own view, with one instanced mesh per
-// kind of part. Their meshes and colours are the simulator's (view/model/ActuatorGeometry.h).
+// kind of part. Their meshes, colours and looks are the simulator's (view/model/ActuatorGeometry.h).
 import * as THREE from 'three';
-
-const kQuiet = 0.02;   // relative strength below which nothing is drawn
 
 // Seven numbers per vertex: position, normal and share of the accent colour.
 function geometryOf({ vertices, indices }) {
@@ -22,7 +20,7 @@ function colourInstances(shader) {
 }
 
 export function makeMechanisms(scene, series, world, placeOf) {
-  const motion = series.motion, top = Math.min(...scene.top), pitch = scene.pitch, c = scene.colours;
+  const motion = series.motion, top = Math.min(...scene.top), pitch = scene.pitch, c = scene.colours, looks = scene.looks;
   const recess = new Float32Array(scene.rows * scene.columns), works = [];
   const matrix = new THREE.Matrix4(), stands = new THREE.Matrix4(), turn = new THREE.Matrix4(), colour = new THREE.Color();
   const axis = new THREE.Vector3(), nowhere = new THREE.Matrix4().makeScale(0, 0, 0);
@@ -63,7 +61,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
         turn.makeRotationY(m.b).multiply(matrix.makeRotationX(m.a)).scale(balls.size);
         balls.place(i, at.lowered(radius).multiply(turn));
         balls.paint(i, c.ivory, c.orange);
-        recess[at.cell] = 0.75 * radius;
+        recess[at.cell] = looks.ball_recess * radius;
       };
     },
     wheels(spec, cells) {
@@ -75,16 +73,16 @@ export function makeMechanisms(scene, series, world, placeOf) {
         wheels.paint(i, c.tyre, c.orange);
       };
       return (i, at, m) => {
-        set(2 * i, at, -0.15, 0.22, 0, m.a);
-        set(2 * i + 1, at, 0.22, -0.15, Math.PI / 2, m.b);
-        recess[at.cell] = 0.9 * radius;
+        set(2 * i, at, -looks.wheel_across, looks.wheel_along, 0, m.a);
+        set(2 * i + 1, at, looks.wheel_along, -looks.wheel_across, Math.PI / 2, m.b);
+        recess[at.cell] = looks.wheel_recess * radius;
       };
     },
     rotor(spec, cells) {
       const rotors = addKind(spec.meshes[0], cells.length), axle = new THREE.Vector3(...spec.axis).normalize();
       const points = (spec.points || []).reduce((all, value, k) => (k % 3 ? all.at(-1).push(value) : all.push([value]), all), []);
       const half = spec.half_axes, farthest = Math.max(...(points.length ? points.map((p) => Math.hypot(...p)) : half));
-      const scale = Math.min(1, 0.55 * pitch / farthest);
+      const scale = Math.min(1, looks.max_rotor_radius * pitch / farthest);
       return (i, at, m) => {
         const e = turn.makeRotationAxis(axle, m.a).elements, height = ([x, y, z]) => e[2] * x + e[6] * y + e[10] * z;
         const highest = points.length ? Math.max(...points.map(height)) : Math.hypot(e[2] * half[0], e[6] * half[1], e[10] * half[2]);
@@ -97,8 +95,9 @@ export function makeMechanisms(scene, series, world, placeOf) {
       const arrows = addKind(mesh, cells.length);
       return (i, at, m) => {
         const force = new THREE.Vector3(m.a, m.b, m.level), strength = Math.min(1, force.length());
-        if (strength < kQuiet) return arrows.place(i, nowhere);
-        const along = force.normalize(), long = pitch * (0.16 + 0.3 * strength), wide = pitch * (0.09 + 0.07 * strength);
+        if (strength < looks.min_visible_level) return arrows.place(i, nowhere);
+        const along = force.normalize(), long = pitch * (looks.arrow_length + looks.arrow_length_gain * strength);
+        const wide = pitch * (looks.arrow_width + looks.arrow_width_gain * strength);
         turn.makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(1, 0, 0), along));
         turn.scale(axis.set(long, wide, wide));
         // Forces are in the table's axes, whatever the rotation of the cell.
@@ -121,11 +120,11 @@ export function makeMechanisms(scene, series, world, placeOf) {
         const flow = Math.min(Math.max(m.level, 0), 1);
         nozzles.place(i, at.lowered(0).scale(nozzles.size));
         nozzles.paint(i, mixed(c.rubber, c.air, flow), c.ink);
-        if (flow < kQuiet) return plumes.place(i, nowhere);
+        if (flow < looks.min_visible_level) return plumes.place(i, nowhere);
         turn.set(1, 0, Math.sin(lean) * Math.cos(m.a), 0, 0, 1, Math.sin(lean) * Math.sin(m.a), 0, 0, 0, Math.cos(lean), 0, 0, 0, 0, 1);
-        const s = at.lowered(-0.1 * top).multiply(turn);
-        plumes.place(i, s.scale(axis.copy(plumes.size).multiply({ x: 1, y: 1, z: 0.2 + 0.8 * flow })));
-        plumes.paint(i, c.air, c.air, [0.15 + 0.4 * flow, 0]);
+        const s = at.lowered(-looks.plume_foot * top).multiply(turn);
+        plumes.place(i, s.scale(axis.copy(plumes.size).multiply({ x: 1, y: 1, z: looks.plume_length + looks.plume_length_gain * flow })));
+        plumes.paint(i, c.air, c.air, [looks.plume_opacity + looks.plume_opacity_gain * flow, 0]);
       };
     },
     pin({ meshes: [mesh], tip }, cells) {
@@ -169,7 +168,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
         };
       }
       return (i, at, m) => {
-        const slope = (low, high) => Math.min(Math.max((high - low) / (2 * pitch), -0.7), 0.7);
+        const slope = (low, high) => Math.min(Math.max((high - low) / (2 * pitch), -looks.max_plate_slope), looks.max_plate_slope);
         const near = (rows, columns) => at.heightNear(rows, columns);
         const east = slope(near(0, -1), near(0, 1)), north = slope(near(1, 0), near(-1, 0));
         turn.makeRotationFromEuler(new THREE.Euler(Math.atan(north), -Math.atan(east), 0));
@@ -222,7 +221,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
     for (const { cell, nodes } of covered) {
       const height = series.height ? series.height.value(frame, cell) : scene.low;
       const lowest = nodes.reduce((least, node) => Math.min(least, series.skin.value(frame, node)), height);
-      drop[cell] = height - lowest + 0.02 * pitch;
+      drop[cell] = height - lowest + looks.skin_clearance * pitch;
     }
   }
 

@@ -145,7 +145,7 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   return result;
 }
 
-// What the user interface tells the surface, and what it draws of it.
+// The user interface's commands to the surface, and the surface's state that it draws.
 struct UiSurface {
   std::function<void(bool)> on_pause;
   std::function<void()> on_finish;

@@ -114,7 +114,7 @@ double cell_count(const program::Program& program, const program::Instruction& i
   return 0.0;
 }
 
-// What the model charges for a macro: the price of its form with that many operands, or of all its forms.
+// The model's charge for a macro: the price of its form with that many operands, or of all its forms.
 const InstructionCost* macro_cost(const CostModel& model, const program::Expansion& expansion) {
   if (model.macros.empty()) return nullptr;
   auto found = model.macros.find(expansion.macro + "/" + std::to_string(expansion.operand_count));

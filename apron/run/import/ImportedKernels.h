@@ -1,4 +1,4 @@
-// What an import of kernels reads and gives.
+// The input and the result of an import of kernels.
 #pragma once
 
 #include <cstddef>

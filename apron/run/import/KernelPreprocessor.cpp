@@ -237,7 +237,7 @@ KernelTokenList KernelPreprocessor::without_names(const KernelTokenList& in) con
   return out;
 }
 
-// Whether the macro, or one that it uses, makes new words.
+// True if the macro, or one that it uses, makes new words.
 bool KernelPreprocessor::makes_words(const Macro& macro) const {
   Names visited;
   const auto search = [&](const auto& self, const Macro& one) -> bool {

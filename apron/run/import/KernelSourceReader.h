@@ -42,7 +42,7 @@ class KernelSourceReader final : KernelTranslation {
     CppType type = CppType::kInt;
     CppRange range;
   };
-  // What `continue` and `return` mean at a place.
+  // The meaning of `continue` and `return` at a place.
   struct Loop {
     std::string continue_label;  // "" where APRON's own continue does it
     bool is_used = false;

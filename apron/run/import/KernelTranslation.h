@@ -1,5 +1,5 @@
-// What the readers of `apron import` share: access to the tokens, the names in scope, calls and expressions,
-// and the program being written. Internal to the import.
+// The state that the readers of `apron import` share: access to the tokens, the names in scope, calls and
+// expressions, and the program being written. Internal to the import.
 #pragma once
 
 #include <fmt/format.h>
@@ -55,7 +55,7 @@ std::string plain_text(const KernelTokenList&);
 
 class KernelTranslation {
  protected:
-  // What a name of the C++ text stands for.
+  // The meaning of a name of the C++ text.
   struct Variable {
     std::string text;  // in the program
     CppType type = CppType::kInt;

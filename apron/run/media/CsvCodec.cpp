@@ -7,6 +7,7 @@
 #include "apron/run/media/MediaFile.h"
 #include "apron/vm/NumberFormat.h"
 #include "common/csv/Csv.h"
+#include "common/text/Utf8.h"
 
 namespace apron::run {
 namespace {
@@ -30,7 +31,7 @@ std::optional<double> parse_cell(std::string_view field, vm::CellType type) {
 void decode_csv(const std::string& path, std::string_view text, const vm::Plane& to) {
   std::vector<double> cells;
   std::size_t width = 0, height = 0, line = 0;
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // a byte order mark
+  text = common::without_byte_order_mark(text);
   while (!text.empty()) {
     ++line;
     const std::string_view row = common::trim_csv_field(split_off(text, '\n'));

@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t kMaxLineBytes = 1024;
 constexpr std::uint32_t kMaxDimension = 65536;
 
-// Of "W640" or "H480"; 0 if there is no number.
+// The number in "W640" or "H480"; 0 if there is none.
 std::uint32_t parse_dimension(const std::string& path, const std::string& word) {
   const std::string digits = word.substr(1);
   if (digits.find_first_not_of("0123456789") != digits.npos) return 0;

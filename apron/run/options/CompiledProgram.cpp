@@ -55,7 +55,7 @@ void load_palettes(const Options& options) {
   common::add_palettes(common::parse_palettes(text, path.string()));
 }
 
-// What the parser would report line by line.
+// Refuses files that the parser would report line by line.
 void refuse_other_kinds(const std::string& file) {
   std::string text;
   if (common::read_file(file, common::kMaxTextBytes, text)) return;

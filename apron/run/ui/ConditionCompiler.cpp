@@ -16,7 +16,7 @@ bool is_identifier_character(char c) {
 
 // True if the text contains the name as a whole word; false for compiler-generated names.
 bool mentions(const std::string& text, const std::string& name) {
-  if (name.empty() || name.front() == '$' || name.find(':') != std::string::npos) return false;
+  if (!program::is_user_name(name)) return false;
   for (std::size_t position = text.find(name); position != std::string::npos;
        position = text.find(name, position + 1)) {
     const std::size_t end = position + name.size();
@@ -37,7 +37,7 @@ std::string condition_declarations(const std::string& condition, const program::
     declared.push_back(name);
     return true;
   };
-  // Of "ch[2]" the whole array is declared, "ch[3]" for three elements.
+  // For "ch[2]" the whole array is declared, "ch[3]" for three elements.
   const auto declaration = [&](const auto& all, const std::string& name) -> std::string {
     const std::string array = name.substr(0, name.find('['));
     if (!declare_once(array)) return "";
@@ -110,7 +110,7 @@ std::optional<program::Program> compile_condition(const std::string& condition,
     error = outside_error(*result.program);
     return error.empty() ? std::move(result.program) : std::nullopt;
   }
-  // What a program's own condition is told does not name the scalar that takes the result.
+  // Recompiles as an if statement, so that the message does not name the result variable.
   const compiler::CompileResult statement =
       compile_text(declarations + "if(" + condition + ")\nendif\n", width, height);
   const auto& diagnostics = statement.program ? result.diagnostics : statement.diagnostics;

@@ -28,7 +28,7 @@ PaneSizes& user_sizes(DrawContext& context) {
   return is_wide_layout(context) ? context.model.layout.wide : context.model.layout.narrow;
 }
 
-// What the user has chosen, or the default, as far as the area has room for the other panels.
+// The sizes that the user has chosen, or the defaults, as far as the area has room for the other panels.
 PanelSizes panel_sizes(DrawContext& context, ImVec2 area) {
   const bool wide = is_wide_layout(context);
   const auto points = [&](float p) { return context.to_pixels(p); };

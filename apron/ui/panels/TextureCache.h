@@ -12,7 +12,7 @@
 
 namespace apron::ui {
 
-// Where a sample is drawn. kFull uses a single texture, the others one per register.
+// The place at which a sample is drawn. kFull uses a single texture, the others one per register.
 enum class TextureSlot : std::uint8_t { kFull, kThumbnail, kTile };
 
 // All functions and the destructor require the window's OpenGL context to be current.

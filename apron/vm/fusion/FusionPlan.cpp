@@ -22,8 +22,6 @@ constexpr std::uint32_t kRowsPerIteration = 4;
 constexpr std::uint32_t kBandRows = 24, kMaxBandHalo = 4;
 constexpr std::uint32_t kNoBuffer = UINT32_MAX;
 
-std::uint32_t round_up(std::uint32_t n, std::uint32_t unit) { return (n + unit - 1) / unit * unit; }
-
 class FusionPlanner {
  public:
   FusionPlanner(const ValueGraph& graph, std::uint32_t width, std::uint32_t height,

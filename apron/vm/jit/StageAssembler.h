@@ -53,9 +53,9 @@ class StageAssembler : private Xbyak::CodeGenerator {
     kGreaterEqual = 29
   };
 
-  // Where a value is: the registers that hold it, and its slot on the stack; -1 for none. A truth value is in
-  // a mask register (of AVX2: a vector register that holds a mask), and in a vector register as 0 or 1 if it
-  // is needed as a number.
+  // The places of a value: the registers that hold it, and its slot on the stack; -1 for none. A truth value
+  // is in a mask register (of AVX2: a vector register that holds a mask), and in a vector register as 0 or 1
+  // if it is needed as a number.
   struct RegisterAssignment {
     int vector_register = -1;
     int mask_register = -1;

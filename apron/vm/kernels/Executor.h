@@ -20,7 +20,7 @@ class Executor {
       : kernels_(kernels), parallel_cells_(parallel_cells), stop_(stop), pool_(static_cast<int>(threads)) {}
 
   const KernelTable& kernels() const noexcept { return kernels_; }
-  // What takes seconds polls this, and leaves the rest of its cells as they are.
+  // Operations that take seconds poll this, and leave the rest of their cells as they are.
   bool is_stopped() const noexcept { return stop_ != nullptr && stop_->load(std::memory_order_relaxed); }
 
   void run_kernel(Kernel kernel, const Block& block) noexcept {

@@ -61,7 +61,7 @@ std::uint32_t* find_edges(const std::uint64_t* truths, std::uint32_t width, std:
   return to;
 }
 
-// Whether one of the bits [first, last) is 1.
+// True if one of the bits [first, last) is 1.
 bool any_bit(const std::uint64_t* bits, std::uint32_t first, std::uint32_t last) noexcept {
   std::uint64_t word = bits[first / 64] & (~std::uint64_t{0} << first % 64);
   for (std::uint32_t x = first / 64; x < (last - 1) / 64; word = bits[++x])

@@ -64,8 +64,8 @@ HWY_INLINE VU interleave(VWide even, VWide odd) {
   return hn::OddEven(hn::BitCast(DU(), hn::ShiftLeft<32>(odd)), hn::BitCast(DU(), even));
 }
 
-// What the cells of a row have in common: the keys of the rounds from the third on, one vector each, and the
-// words of the first two, in which only the first word of the counter, the column, differs.
+// The values that the cells of a row share: the keys of the rounds from the third on, one vector each, and
+// the words of the first two, in which only the first word of the counter, the column, differs.
 class PhiloxRow {
  public:
   explicit PhiloxRow(const RandomCells& cells) {

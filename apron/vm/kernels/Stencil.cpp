@@ -98,7 +98,7 @@ class StencilPass {
     const std::int64_t columns = y_.width, first = std::min(west_, columns);
     return {first, std::max(first, columns - (width_ - 1 - west_))};
   }
-  // Where `count` rows from the northernmost that `row` reads on lie.
+  // Locates `count` rows, from the northernmost on that `row` reads.
   void find_rows(std::int64_t row, std::uint32_t count) {
     for (std::uint32_t j = 0; j < count; ++j) {
       const std::int64_t from = resolve_boundary_index(row + j - north_, y_.height, boundary_.rule);
@@ -180,7 +180,7 @@ void apply_filter(Executor& executor, const FilterView& filter, Plane y, ConstPl
       for (std::uint32_t x = 0; x < to.columns; ++x)
         if (to.mask == nullptr || to.mask[x] != 0.0F) to.y[x] = sums[x];
     };
-    // Of large filters row by row, because the cells of its rows are copied together one after another.
+    // Large filters run row by row, because the cells of each edge row are copied together.
     std::int64_t current = 0;
     const auto edge = [&](std::int64_t begin, const StencilOutput& to) {
       std::array<float, kMaxExtent> sums;

@@ -23,7 +23,7 @@ struct StencilRows {
   const std::ptrdiff_t* step = nullptr;  // 0 or 1
 };
 
-// Where the results go: `columns` cells, of any alignment. mask is null, or only its non-zero cells are
+// The destination: `columns` cells, of any alignment. mask is null, or only its non-zero cells are
 // written.
 struct StencilOutput {
   float* y = nullptr;

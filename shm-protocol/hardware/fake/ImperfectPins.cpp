@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "common/hash/SplitMix64.h"
+
 namespace hardware {
 
 ImperfectPins::ImperfectPins(std::size_t cells, double range, double period_s, std::uint64_t seed)
@@ -27,12 +29,8 @@ ImperfectPins::ImperfectPins(std::size_t cells, double range, double period_s, s
   reset();
 }
 
-// SplitMix64.
 double ImperfectPins::uniform(double from, double to) {
-  std::uint64_t z = random_ += 0x9E3779B97F4A7C15u;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-  return from + (to - from) * static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
+  return from + (to - from) * static_cast<double>(common::next_splitmix64(random_) >> 11) * 0x1p-53;
 }
 
 double ImperfectPins::normal() {

@@ -18,18 +18,12 @@ namespace {
 
 namespace bip = boost::interprocess;
 
-[[noreturn]] void system_error(const std::string& what, int number) {
-  throw Error(ErrorCode::kSystem, what + ": " + std::strerror(number));
-}
-
 [[noreturn]] void throw_foreign(const std::string& path) {
   throw Error(ErrorCode::kForeign,
               path +
                   " is not a segment of this protocol, or belongs to another user; remove "
                   "it by hand or choose another name");
 }
-
-std::string file_name(const std::string& name) { return kFilePrefix + name; }
 
 // An open file, in the form that bip::mapped_region takes.
 struct MappableFile {
@@ -58,6 +52,10 @@ struct Segment::Impl {
 
   const FileDescriptor& file() const noexcept { return reserved ? reserved->impl_->file : opened; }
 };
+
+void system_error(const std::string& what, int number) {
+  throw Error(ErrorCode::kSystem, what + ": " + std::strerror(number));
+}
 
 std::string path_of(const std::string& name) { return std::string(kShmDirectory) + "/" + file_name(name); }
 

@@ -20,6 +20,8 @@ namespace shm_protocol {
 
 // "/dev/shm/smartsurf.NAME"
 std::string path_of(const std::string& name);
+// Throws Error(kSystem) with the description of an errno.
+[[noreturn]] void system_error(const std::string& what, int number);
 
 enum class Access { kReadWrite, kReadOnly };
 

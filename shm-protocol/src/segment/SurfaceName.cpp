@@ -23,12 +23,6 @@
 namespace shm_protocol {
 namespace {
 
-[[noreturn]] void system_error(const std::string& what, int number) {
-  throw Error(ErrorCode::kSystem, what + ": " + std::strerror(number));
-}
-
-std::string file_name(const std::string& name) { return kFilePrefix + name; }
-
 // Removes segments left by killed builders of this name; the file name identifies the builder's process.
 void remove_stale_builds(const std::string& name) {
   for (const std::string& file : files_in_shm(file_name(name) + kBuildMarker)) remove_if_orphan(file);

@@ -1,4 +1,4 @@
-// What a reservation consists of.
+// The parts of a reservation.
 #pragma once
 
 #include <sys/types.h>

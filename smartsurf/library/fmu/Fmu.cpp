@@ -54,7 +54,7 @@ struct State {
   bool in_step_mode;
 };
 
-// What modelDescription.xml says of the arrays, which no seed may change.
+// The shape of the arrays in modelDescription.xml, which no seed may change.
 struct Shape {
   std::int32_t rows = 0, columns = 0;
   std::size_t objects = 0;
@@ -409,7 +409,8 @@ FMI3 fmi3Status fmi3FreeFMUState(void*, void** state) {
   return fmi3OK;
 }
 
-// What the standard wants exported and this FMU's modelDescription.xml denies, whatever their arguments.
+// Functions that the standard wants exported and this FMU's modelDescription.xml denies, whatever their
+// arguments.
 #define UNSUPPORTED(name) \
   FMI3 fmi3Status name() { return fmi3Error; }
 FMI3 void* fmi3InstantiateModelExchange() { return nullptr; }

@@ -357,6 +357,13 @@ class _Search:
         m_matrix = np.einsum("ifc,jfc,c->cij", j[:n], j[n:], w)
         return s_matrix, s_vector, c_matrix, c_vector, m_matrix
 
+    def normal_inverse(self) -> tuple[Array, Array, Array]:
+        """S, M and the inverse of C where the model stands; of cells that are not good 0."""
+        s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
+        inverse = np.zeros_like(c_matrix)
+        inverse[self.good] = _inverse(c_matrix[self.good] + 1e-12 * np.eye(2))
+        return s_matrix, m_matrix, inverse
+
     def squares(self, base: Array) -> Array:
         r = (self.p.y - self.p.late(base, self.fit.delay)) * self.use
         total: Array = (r * r).sum(0)
@@ -431,9 +438,7 @@ class _Search:
     def errors(self, coloured: bool = False) -> tuple[Array, Array]:
         """Standard errors of the shared logarithms, and of each cell's gain and offset. coloured: with the residuals that were found;
         else they are white."""
-        s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
-        inverse = np.zeros_like(c_matrix)
-        inverse[self.good] = _inverse(c_matrix[self.good] + 1e-12 * np.eye(2))
+        s_matrix, m_matrix, inverse = self.normal_inverse()
         n = len(self.free)
         reduced = s_matrix - np.einsum("cij,cjk,clk->il", m_matrix, inverse, m_matrix)
         covariance = np.linalg.pinv(reduced + 1e-9 * np.eye(n)) if n else np.zeros((0, 0))
@@ -462,9 +467,7 @@ class _Search:
         """The larger one of the standard errors of the shared logarithms for which only cells, or only tenths of a second, are
         independent (sandwich, Huber 1967): one cell or instant that disobeys the model does not pass for many."""
         n = len(self.free)
-        s_matrix, _, c_matrix, _, m_matrix = self.normal(self.base, self.slopes)
-        inverse = np.zeros_like(c_matrix)
-        inverse[self.good] = _inverse(c_matrix[self.good] + 1e-12 * np.eye(2))
+        s_matrix, m_matrix, inverse = self.normal_inverse()
         own = np.einsum("cij,cjk->cik", m_matrix, inverse)
         r = (self.p.y - self.p.late(self.base, self.fit.delay)) * self.use
         j = np.array([self.p.late(k, self.fit.delay) * self.use for k in self.slopes])

@@ -1,7 +1,7 @@
 """Checks and shapes of what parameters, ranges, poses and pushes are given, for one world and for many."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,13 @@ def pose(name: str, values: ArrayLike, lead: tuple[int, ...], count: int, severa
     if name == "orientation" and (np.linalg.norm(checked, axis=-1) < 1e-6).any():
         raise ValueError("orientation: must be a quaternion x y z w that is not 0")
     return checked.reshape(*lead, count, size)
+
+
+def poses(lead: tuple[int, ...], count: int, several: bool, **fields: ArrayLike | None) -> Iterator[tuple[str, Numbers]]:
+    """The names and values of the fields that are given, as pose()."""
+    for name, values in fields.items():
+        if values is not None:
+            yield name, pose(name, values, lead, count, several)
 
 
 def pushes(force: ArrayLike | None, torque: ArrayLike | None, lead: tuple[int, ...], count: int, several: bool) -> Numbers:

@@ -297,10 +297,9 @@ class Simulation(Surface):
         """Moves objects now: all declared ones, those with a label, or by id. Arrays of (3,) or (4,), quaternions x y z w, or
         objects × that. Sensors follow with the next step()."""
         ids, several = _parameters.object_ids(self._description["objects"], object)
-        for name, values in (("position", position), ("orientation", orientation), ("velocity", velocity),
-                             ("angular_velocity", angular_velocity)):
-            if values is not None:
-                self._core.place(name, ids, _parameters.pose(name, values, (), len(ids), several))
+        for name, values in _parameters.poses((), len(ids), several, position=position, orientation=orientation,
+                                              velocity=velocity, angular_velocity=angular_velocity):
+            self._core.place(name, ids, values)
 
     def push(self, object: str | int | Sequence[int] | None = None, *, force: ArrayLike | None = None,
              torque: ArrayLike | None = None) -> None:

@@ -383,12 +383,7 @@ class TaskVectorEnv(VectorEnv):
               options: dict[str, Any] | None = None) -> tuple[Any, Info]:
         if seed is None or isinstance(seed, (int, np.integer)):
             gymnasium.vector.VectorEnv.reset(self, seed=seed if seed is None else int(seed))
-        given = checked_options(options, "reset_mask")
-        mask = np.ones(self.num_envs, np.bool_)
-        if "reset_mask" in given:
-            mask = np.asarray(given["reset_mask"])
-            if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-                raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        mask = self._reset_mask(options)
         self._start_recording()
         failed = self._restart(self._seeds(seed, self._next_seed), mask)
         observation, infos = self._observe(self.state()), _of_worlds(self._task_infos(), mask)

@@ -188,16 +188,21 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Follows from the seed of the episode that the world has started last."""
         return _core.next_seed(self._batch.started_seed(world))
 
+    def _reset_mask(self, options: dict[str, Any] | None) -> Flags:
+        """The worlds that reset() starts: all, or those that options["reset_mask"] names."""
+        given = checked_options(options, "reset_mask")
+        if "reset_mask" not in given:
+            return np.ones(self.num_envs, np.bool_)
+        mask = np.asarray(given["reset_mask"])
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        return mask
+
     def reset(self, *, seed: int | Sequence[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[FloatArray, Info]:
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=seed if seed is None else int(seed))
-        mask = np.ones(self.num_envs, np.bool_)
-        given = checked_options(options, "reset_mask")
-        if "reset_mask" in given:
-            mask = np.asarray(given["reset_mask"])
-            if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
-                raise ValueError("options['reset_mask'] must be an array of bool, one per world, with one True")
+        mask = self._reset_mask(options)
         self._start_recording()
         failed = self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
         infos = self._infos() if mask.all() else _of_worlds(self._fields, mask)
@@ -370,10 +375,10 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         or 4, for one object to worlds × 3 or 4."""
         which = _parameters.world_numbers(worlds, self.num_envs)
         ids, several = _parameters.object_ids(self._description["objects"], object)
-        for name, values in (("position", position), ("orientation", orientation), ("velocity", velocity),
-                             ("angular_velocity", angular_velocity)):
-            if values is not None and which:
-                self._batch.place(name, which, ids, _parameters.pose(name, values, (len(which),), len(ids), several))
+        if which:
+            for name, values in _parameters.poses((len(which),), len(ids), several, position=position, orientation=orientation,
+                                                  velocity=velocity, angular_velocity=angular_velocity):
+                self._batch.place(name, which, ids, values)
 
     def push(self, object: str | int | Sequence[int] | None = None, *, force: ArrayLike | None = None,
              torque: ArrayLike | None = None, worlds: Worlds = None) -> None:

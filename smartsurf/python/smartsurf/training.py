@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from ._core import __version__
 from ._files import replaced
 from ._network import NetworkPolicy
-from ._surface import Channel
+from ._surface import Channel, FloatArray
 from ._task import Task
 from ._tasks import TASKS, task_file
-from ._vector import VectorEnv, finite_rewards
+from ._vector import Flags, VectorEnv, finite_rewards
 from .policy import LocalPolicy, export_onnx, export_policy, square
 
 Vector = NDArray[np.float64]
@@ -101,6 +101,20 @@ def input_names(channels: Sequence[Channel]) -> list[str]:
     return [name for c in channels for name in ([c.name] if c.components == 1 else [f"{c.name}.{k}" for k in "rgb"[:c.components]])]
 
 
+def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, FloatArray, Flags], None]) -> tuple[Vector, Flags]:
+    """Returns and successes of the episodes that reset() has started with this observation. command(observation, commands,
+    running) fills in the commands of the worlds that still run."""
+    total, running, success = np.zeros(envs.num_envs), np.ones(envs.num_envs, np.bool_), np.zeros(envs.num_envs, np.bool_)
+    commands = np.zeros(envs.action_space.shape or (), np.float32)
+    while running.any():
+        command(observation, commands, running)
+        observation, rewards, terminated, truncated, infos = envs.step(commands)
+        total += np.where(running, finite_rewards(rewards, infos, -1e9), 0)  # a world that fails is the worst
+        success |= running & infos["success"]
+        running &= ~(terminated | truncated)
+    return total, success
+
+
 class Tester:
     """Episodes of seeds that no training uses, run by a policy without exploration."""
     FIRST_SEED = 10**6
@@ -111,22 +125,17 @@ class Tester:
     def __call__(self, policy: LocalPolicy | NetworkPolicy) -> tuple[float, float]:
         """Mean return and share of successes."""
         envs, inputs = self._envs, input_names(self._envs.sensor_channels)
-        observation, _ = envs.reset(seed=self.FIRST_SEED)
-        total, running, success = np.zeros(envs.num_envs), np.ones(envs.num_envs, bool), np.zeros(envs.num_envs, bool)
-        commands = np.zeros(envs.action_space.shape or (), np.float32)
         of_planes = isinstance(policy, NetworkPolicy) and policy.observation_shape == envs._observations.shape[1:]
         if isinstance(policy, LocalPolicy):
             policy.reset()
-        while running.any():
+
+        def command(observation: Any, commands: FloatArray, running: Flags) -> None:
             if isinstance(policy, LocalPolicy):
-                for c, command in enumerate(policy(dict(zip(inputs, envs._observations.swapaxes(0, 1)))).values()):
-                    commands[:, c] = command
+                for c, plane in enumerate(policy(dict(zip(inputs, envs._observations.swapaxes(0, 1)))).values()):
+                    commands[:, c] = plane
             else:
                 commands[...] = policy(envs._observations if of_planes else observation)
-            observation, rewards, terminated, truncated, infos = envs.step(commands)
-            total += np.where(running, finite_rewards(rewards, infos, -1e9), 0)
-            success |= running & infos["success"]
-            running &= ~(terminated | truncated)
+        total, success = run_episodes(envs, envs.reset(seed=self.FIRST_SEED)[0], command)
         return float(total.mean()), float(success.mean())
 
     def close(self) -> None:
@@ -317,24 +326,22 @@ def train_cem(make: Make, how: argparse.Namespace, log: Log) -> LocalPolicy:
     samples, won = state["samples"], 0.0
 
     def scores(vectors: Vector, seeds: range) -> Vector:
-        nonlocal samples, won
+        nonlocal won
         policies = [policy(vector) for vector in vectors]
         envs.reset(seed=[seed for _ in policies for seed in seeds])
-        planes = envs._observations  # a Task's own observation is for networks of the whole surface
-        total, running, success = np.zeros(envs.num_envs), np.ones(envs.num_envs, bool), np.zeros(envs.num_envs, bool)
-        commands = np.zeros(envs.action_space.shape or (), np.float32)
-        while running.any():
+        planes = envs._observations
+
+        def command(_: Any, commands: FloatArray, running: Flags) -> None:
+            nonlocal samples
+            samples += int(running.sum())
             for k, made in enumerate(policies):
                 own = slice(k * len(seeds), (k + 1) * len(seeds))
                 if running[own].any():
                     sensed = dict(zip(inputs, planes[own].swapaxes(0, 1)))
-                    for c, command in enumerate(made(sensed).values()):
-                        commands[own, c] = command
-            samples += int(running.sum())
-            _, rewards, terminated, truncated, infos = envs.step(commands)
-            total += np.where(running, finite_rewards(rewards, infos, -1e9), 0)  # a world that fails is the worst
-            success |= running & infos["success"]
-            running &= ~(terminated | truncated)
+                    for c, plane in enumerate(made(sensed).values()):
+                        commands[own, c] = plane
+        # A Task's own observation is for networks of the whole surface.
+        total, success = run_episodes(envs, None, command)
         won = float(success.mean())
         means: Vector = total.reshape(len(policies), -1).mean(axis=1)
         return means

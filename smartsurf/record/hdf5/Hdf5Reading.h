@@ -17,7 +17,7 @@ Handle open_group(hid_t parent, const char* name);
 // A dataset that is stored in another file is refused.
 Handle open_dataset(hid_t parent, const std::string& name);
 Handle open_dataset(hid_t parent, const std::string& name, int rank);
-// What a dataset takes in the file: at most the file's size, whatever the dataset declares.
+// The bytes that a dataset takes in the file: at most the file's size, whatever the dataset declares.
 hsize_t stored_bytes(hid_t dataset);
 // Throws if `count` entries cannot come from what the file stores, compressed as well as can be.
 void require_stored(hid_t dataset, hsize_t count, const std::string& name);

@@ -155,7 +155,7 @@ TimeSeries channel_series(const Recording& recording, const std::string& shown, 
   return result;
 }
 
-// What a fixed kind hides if a channel has its name.
+// The channel that a fixed kind of the same name hides.
 TimeSeries named_channel_series(const Recording& recording, const std::string& kind,
                                 const Arguments& arguments) {
   if (arguments.empty()) throw_plot_error(kind, "needs a channel and cells: channel:NAME:ROW,COLUMN");

@@ -1,4 +1,4 @@
-// Time series: what CurvePlot draws; those of a recording are the curves of `smartsurf plot --what KIND`.
+// Time series; those of a recording are the curves of `smartsurf plot --what KIND`.
 #pragma once
 
 #include <optional>

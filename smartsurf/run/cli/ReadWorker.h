@@ -16,7 +16,7 @@ struct ReadJob {
   std::string recording;
   std::function<int()> command;
   std::function<std::vector<common::PreparedOutput>()> prepare_outputs = nullptr;
-  // What else it may read and write; nullopt: it is not confined.
+  // The other files that it may read and write; nullopt: it is not confined.
   std::optional<common::Confinement> confinement = common::Confinement();
   // True if it only reads, within memory_to_read().
   bool only_reads = true;

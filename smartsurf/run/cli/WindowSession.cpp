@@ -15,7 +15,7 @@
 namespace smartsurf::run {
 namespace {
 
-// What was opened instead has other cells and objects.
+// Clears selections that do not apply to another experiment.
 RenderOptions without_signals(RenderOptions render) {
   render.view.overlay.channel.clear();
   render.view.plots.clear();

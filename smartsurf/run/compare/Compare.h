@@ -33,7 +33,7 @@ struct EngineTrace {
 // Runs the experiment of `options` on its engine. Throws scene::InputError as Run does, and if the run fails.
 EngineTrace trace_run(const RunOptions& options, const std::atomic<bool>& stop);
 
-// What became of one object in both runs.
+// The fate of one object in both runs.
 struct Verdict {
   scene::ObjectId id = 0;
   std::string name;               // "ball" or "sphere"

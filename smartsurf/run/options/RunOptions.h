@@ -52,14 +52,14 @@ struct RunOptions {
   bool unsafe = false;
   bool allow_extensions = false;
   std::optional<int> world_index;  // nullopt: the only world of this process
-  // What the run must leave to another process, and its number there (ConfinedRuns.h); null: nothing.
+  // The tasks that the run leaves to another process, and its number there (ConfinedRuns.h); null: none.
   class ConfinedRuns* confined = nullptr;
   std::size_t confined_number = 0;
 };
 
 // The name of the surface of a run with a controller.
 std::string segment_name(const RunOptions&);
-// Where the script may write: a folder of its own beside the first recording; empty: nowhere.
+// The folder in which the script may write: its own, beside the first recording; empty: none.
 std::filesystem::path script_output_folder(const RunOptions&);
 
 // Every file that the run writes.

@@ -22,7 +22,7 @@ class RecordedFrames final : public view::History {
   view::FrameInput frame_input(std::size_t frame);
   // The channels, without values.
   std::span<const view::Channel> channels() const { return channels_; }
-  // What the recording knows of the run: when it reached its goal, and when the user intervened.
+  // The events of the run: when it reached its goal, and when the user intervened.
   const std::vector<view::EventMark>& marks() const { return marks_; }
 
   std::uint64_t begin() const override { return 0; }

@@ -27,11 +27,6 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-void require_poses(const record::Recording& recording) {
-  if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
-    throw scene::InputError(recording.path().string() + ": holds nothing to show");
-}
-
 void require_times(const record::Recording& recording, const std::vector<Screenshot>& screenshots) {
   for (const Screenshot& screenshot : screenshots)
     if (screenshot.time_s && *screenshot.time_s > recording.times().back() + 1e-9)
@@ -72,7 +67,7 @@ view::Status make_view_status(const record::Recording& recording, const Recorded
 std::string reason_not_to_open(const std::string& file) {
   try {
     if (file.ends_with(".h5"))
-      require_poses(record::Recording::open(file));
+      record::Recording::open(file).require_poses();
     else
       Run::load(options_for_opened(file, {}));
     return "";
@@ -94,7 +89,7 @@ bool needs_rerun(const record::Recording& recording, const RenderOptions& option
 bool rerun_to_media(const record::Recording& recording, const std::vector<Screenshot>& screenshots,
                     std::unique_ptr<common::VideoEncoder> video, const RenderOptions& render_options,
                     const std::filesystem::path& output_folder, const std::atomic<bool>& stop) {
-  require_poses(recording);
+  recording.require_poses();
   require_times(recording, screenshots);
   MediaWriter media(screenshots, std::move(video), render_options, recording.spec());
   Progress progress;
@@ -123,7 +118,7 @@ bool rerun_to_media(const record::Recording& recording, const std::vector<Screen
 bool replay_to_media(const record::Recording& recording, const std::vector<Screenshot>& screenshots,
                      std::unique_ptr<common::VideoEncoder> video, const RenderOptions& render_options,
                      const std::atomic<bool>& stop) {
-  require_poses(recording);
+  recording.require_poses();
   require_times(recording, screenshots);
   RecordedFrames frames(recording);
   require_cell_channel(recording, frames, render_options.view.overlay.channel);
@@ -141,7 +136,7 @@ bool replay_to_media(const record::Recording& recording, const std::vector<Scree
 
 std::string replay_in_window(const record::Recording& recording, double pace,
                              const view::ViewSettings& settings, const std::atomic<bool>& stop) {
-  require_poses(recording);
+  recording.require_poses();
   view::OffscreenView::require_available();
   RecordedFrames frames(recording);
   require_cell_channel(recording, frames, settings.overlay.channel);

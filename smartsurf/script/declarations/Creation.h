@@ -10,7 +10,7 @@
 
 namespace smartsurf::script {
 
-// What labels of objects must be, for messages.
+// The rule for labels of objects, for messages.
 inline constexpr const char* kLabelRule = "at most 100 bytes in one line";
 bool is_label(const std::string&);
 

@@ -83,8 +83,8 @@ void push_option_value(ScriptContext& context, lua_State* L, const std::string& 
     lua_pushlstring(L, text->data(), text->size());
 }
 
-// What the fourth argument allows: {low, high} of a number, which is whole if the default is, or the strings
-// of which the option is one.
+// The values that the fourth argument allows: {low, high} of a number, which is whole if the default is, or
+// the strings of which the option is one.
 struct Allowed {
   std::vector<double> ends = {};
   std::vector<std::string> words = {};

@@ -13,6 +13,7 @@
 
 #include "common/process/ChildWork.h"
 #include "common/text/ClassicLocale.h"
+#include "common/text/Utf8.h"
 
 namespace smartsurf::script {
 namespace {
@@ -227,8 +228,7 @@ void Interpreter::compile(lua_State* L, const std::string& text, const std::stri
   const std::string chunk = "@" + file;
   if (std::none_of(chunks_.begin(), chunks_.end(), [&](const Chunk& f) { return f.name == file; }))
     chunks_.push_back({file, chunk_short_name(L, chunk)});
-  std::string_view source = text;
-  if (source.starts_with("\xef\xbb\xbf")) source.remove_prefix(3);
+  std::string_view source = common::without_byte_order_mark(text);
   // Skip a "#!" line, as Lua does for files, but keep its newline for the line count.
   if (source.starts_with("#")) source.remove_prefix(std::min(source.find('\n'), source.size()));
   if (source.starts_with(LUA_SIGNATURE[0])) {

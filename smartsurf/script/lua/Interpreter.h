@@ -43,7 +43,7 @@ inline void throw_if_invalid(const std::string& clause, const std::string& prefi
   if (!clause.empty()) throw ScriptError(prefix + clause);
 }
 
-// What one call may use.
+// The limits of one call.
 struct Budget {
   std::uint64_t instructions = 0;
   double seconds = 0.0;  // of this thread's processor time
@@ -163,7 +163,7 @@ struct Callback {
   std::string location;       // "FILE:LINE" of the registration
 };
 
-// What the interpreter and the library know of a script.
+// The state of a script that the interpreter and the library share.
 struct Sandbox {
   LoadOptions options;
   std::string file;                     // path as given by the user

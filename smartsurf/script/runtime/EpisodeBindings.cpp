@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kMaxInfoFields = 1000;
 
-// Whether the infos of an environment have another value of this name (docs/python.md).
+// True if the infos of an environment have another value of this name (docs/python.md).
 bool is_reserved(std::string_view name) {
   constexpr std::array<std::string_view, 9> kNames{"seed",
                                                    "success",

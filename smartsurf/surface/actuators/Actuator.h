@@ -20,7 +20,7 @@
 
 namespace smartsurf::surface {
 
-// What a model is constructed from. The field has its geometry, and its heights are the rest heights.
+// The arguments of a model's constructor. The field has its geometry, and its heights are the rest heights.
 struct ActuatorContext {
   const scene::SurfaceSpec& surface;
   const scene::ActuatorSpec& spec;
@@ -89,7 +89,8 @@ class Actuator {
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,
                           std::span<const scene::ObjectSpec> /*catalogue*/, std::span<Wrench>) noexcept {}
 
-  // What the last plan() or add_forces() wrote that the physics must not take; of models from outside alone.
+  // The output of the last plan() or add_forces() that the physics must not take; of models from outside
+  // alone.
   virtual std::optional<RefusedOutput> refused_output() const noexcept { return std::nullopt; }
 
   // Saves or restores the state of the model beyond the field. A model without this cannot be saved: it

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/surface/sensors/CounterRandom.h"
+#include "common/hash/SplitMix64.h"
 
 namespace smartsurf::surface {
 namespace {
 
 // A hash of seed and counter: a cell's draw does not depend on the number of cells.
 std::uint64_t draw(std::uint64_t seed, std::uint64_t counter) {
-  return CounterRandom::splitmix64(CounterRandom::splitmix64(seed) ^ counter);
+  return common::splitmix64(common::splitmix64(seed) ^ counter);
 }
 
 double uniform_random(std::uint64_t seed, std::uint64_t counter) {

@@ -21,9 +21,9 @@ class AirJets final : public Actuator {
                                         context.spec.number("area"))),
         decay_(context.number("decay")),
         reach_(context.number("reach")),
-        tilt_(context.number("lean")),
+        lean_(context.number("lean")),
         max_flow_(context.number("max_flow")),
-        flow_(context, 0.0F, 1e30, context.spec.number("lag")),
+        flow_(context, 0.0F, RateLimitedLag::kNoRateLimit, context.spec.number("lag")),
         direction_(flow_),
         cells_(context) {}
 
@@ -77,13 +77,13 @@ class AirJets final : public Actuator {
  private:
   // A unit vector in the world frame.
   Vector3f jet_direction(int cell, const Field& field) const noexcept {
-    if (tilt_ == 0.0F) return Vector3f::UnitZ();
-    const float azimuth = direction_[cell] + field.angle_of(cell), horizontal = std::sin(tilt_);
-    return {horizontal * std::cos(azimuth), horizontal * std::sin(azimuth), std::cos(tilt_)};
+    if (lean_ == 0.0F) return Vector3f::UnitZ();
+    const float azimuth = direction_[cell] + field.angle_of(cell), horizontal = std::sin(lean_);
+    return {horizontal * std::cos(azimuth), horizontal * std::sin(azimuth), std::cos(lean_)};
   }
 
   float drag_factor_;  // ½·density·drag·area
-  float decay_, reach_, tilt_, max_flow_;
+  float decay_, reach_, lean_, max_flow_;
   RateLimitedLag flow_, direction_;  // u/s; rad
   CellFinder cells_;
 };

@@ -7,6 +7,7 @@
 #include "smartsurf/scene/Delta.h"
 #include "smartsurf/surface/actuators/Models.h"
 #include "smartsurf/surface/actuators/MotionProfile.h"
+#include "smartsurf/surface/actuators/RunMotion.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -30,9 +31,7 @@ class Deltas final : public Actuator {
         position_(base_.size(), Vec::Zero()),
         velocity_(position_),
         deflection_(position_),
-        moving_(runs_.size(), 0),
-        run_max_height_(runs_.size(), 0.0F),
-        run_max_speed_(runs_.size(), 0.0F) {
+        motion_(runs_.size()) {
     target_.fill(std::vector<float>(base_.size(), 0.0F));
   }
 
@@ -42,37 +41,33 @@ class Deltas final : public Actuator {
       for_each_cell_of(runs_[r], [&](std::size_t i) {
         if (target[i] == targets[i]) return;
         target[i] = targets[i];
-        moving_[r] = 1;
+        motion_.set_moving(r);
       });
   }
 
   void snap_to_targets(Field& field) noexcept override {
     for (std::size_t r = 0; r < runs_.size(); ++r) {
-      run_max_height_[r] = kNoCellHeight;
+      float max_height = kNoCellHeight;
       for_each_cell_of(runs_[r], [&](std::size_t i) {
         position_[i] = target_of(i);
         place(i, field);
-        run_max_height_[r] = std::max(run_max_height_[r], field.height[i]);
+        max_height = std::max(max_height, field.height[i]);
       });
-      moving_[r] = 0;
+      motion_.set_at_rest(r, max_height);
     }
   }
 
   void plan(double dt_s, Field& field) noexcept override {
     const auto dt = static_cast<float>(dt_s);
     const MotionProfile profile(max_speed_, max_acceleration_, dt);
-    for (std::size_t r = 0; r < runs_.size(); ++r) {
-      // The load may move any tip that yields, so all of them are planned in every step.
-      if (moving_[r] != 0 || yields_) plan_run(r, profile, dt, field);
-      field.max_height = std::max(field.max_height, run_max_height_[r]);
-      field.max_speed = std::max(field.max_speed, run_max_speed_[r]);
-    }
+    // The load may move any tip that yields, so all of them are planned in every step.
+    motion_.plan(yields_, field, [&](std::size_t r) { return plan_run(runs_[r], profile, dt, field); });
   }
 
   void commit(double dt_s, Field& field) noexcept override {
     const auto dt = static_cast<float>(dt_s);
     for (std::size_t r = 0; r < runs_.size(); ++r) {
-      if (moving_[r] == 0 && !yields_) continue;
+      if (!motion_.is_moving(r) && !yields_) continue;
       for_each_cell_of(runs_[r], [&](std::size_t i) {
         if (yields_) {
           velocity_[i] = field.yielding[i].held_velocity;
@@ -122,9 +117,7 @@ class Deltas final : public Actuator {
       });
   }
 
-  void archive(common::StateArchive& a) override {
-    a(target_, position_, velocity_, deflection_, moving_, run_max_height_, run_max_speed_);
-  }
+  void archive(common::StateArchive& a) override { a(target_, position_, velocity_, deflection_, motion_); }
 
  private:
   // The target within the workspace: beyond its radius the nearest point.
@@ -151,10 +144,10 @@ class Deltas final : public Actuator {
     return deflection * (std::expm1(-decay_rate * dt_s) / dt_s);
   }
 
-  void plan_run(std::size_t run, const MotionProfile& profile, float dt_s, Field& field) noexcept {
-    float& max_height = run_max_height_[run] = kNoCellHeight;
-    float& max_speed = run_max_speed_[run] = 0.0F;
-    for_each_cell_of(runs_[run], [&](std::size_t i) {
+  RunMotion::Bounds plan_run(const CellRun& run, const MotionProfile& profile, float dt_s,
+                             Field& field) noexcept {
+    RunMotion::Bounds bounds;
+    for_each_cell_of(run, [&](std::size_t i) {
       const Vec distance = target_of(i) - position_[i];
       for (int axis = 0; axis < 3; ++axis) velocity_[i][axis] = profile(distance[axis], velocity_[i][axis]);
       Vec velocity = velocity_[i];
@@ -165,10 +158,11 @@ class Deltas final : public Actuator {
       }
       field.offset_rate[i] = velocity.head<2>();
       field.speed[i] = velocity.z();
-      max_height = std::max({max_height, field.height[i], field.height[i] + velocity.z() * dt_s});
-      max_speed = std::max(max_speed, velocity.norm());
+      bounds.max_height =
+          std::max({bounds.max_height, field.height[i], field.height[i] + velocity.z() * dt_s});
+      bounds.max_speed = std::max(bounds.max_speed, velocity.norm());
     });
-    moving_[run] = static_cast<std::uint8_t>(max_speed != 0.0F);
+    return bounds;
   }
 
   std::vector<CellRun> runs_;
@@ -180,9 +174,7 @@ class Deltas final : public Actuator {
   // and how fast they move; their deflection.
   std::array<std::vector<float>, 3> target_;
   std::vector<Vec> position_, velocity_, deflection_;
-  // One per run, so that runs at rest on their targets cost nothing.
-  std::vector<std::uint8_t> moving_;
-  std::vector<float> run_max_height_, run_max_speed_;
+  RunMotion motion_;
 };
 
 }  // namespace

@@ -17,7 +17,7 @@ class ForceFields final : public Actuator {
       : falloff_(static_cast<Falloff>(static_cast<int>(context.spec.number("fall_off")))),
         reach_(context.number("reach")),
         max_force_(context.number("max_force")),
-        force_(3, {context, 0.0F, 1e30, context.spec.number("lag")}),
+        force_(3, {context, 0.0F, RateLimitedLag::kNoRateLimit, context.spec.number("lag")}),
         cells_(context) {}
 
   void set_targets(int channel, std::span<const float> targets) noexcept override {

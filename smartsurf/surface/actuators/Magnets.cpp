@@ -27,7 +27,7 @@ class Magnets final : public Actuator {
         depth_(context.number("depth")),
         reach_(context.number("reach")),
         max_current_(context.number("max_current")),
-        current_(context, 0.0F, 1e30, context.spec.number("lag")),
+        current_(context, 0.0F, RateLimitedLag::kNoRateLimit, context.spec.number("lag")),
         cells_(context) {}
 
   void set_targets(int, std::span<const float> targets) noexcept override { current_.set_targets(targets); }

@@ -32,7 +32,7 @@ void RateLimitedLag::snap_to_targets() noexcept {
 
 void RateLimitedLag::step(double dt_s) noexcept {
   const auto lag_fraction = static_cast<float>(lag_s_ > 0.0 ? -std::expm1(-dt_s / lag_s_) : 1.0);
-  const auto max_change = static_cast<float>(std::min(max_rate_ * dt_s, 1e30));
+  const auto max_change = static_cast<float>(std::min(max_rate_ * dt_s, kNoRateLimit));
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     changed_[r] = moving_[r];
     if (moving_[r]) step_run(r, lag_fraction, max_change);

@@ -15,6 +15,8 @@ namespace smartsurf::surface {
 
 class RateLimitedLag {
  public:
+  static constexpr double kNoRateLimit = 1e30;
+
   // All values and targets start at `start`. max_rate: per second, > 0; lag_s ≥ 0, 0 for no lag.
   RateLimitedLag(const ActuatorContext&, float start, double max_rate, double lag_s);
 

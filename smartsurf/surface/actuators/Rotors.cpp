@@ -30,7 +30,8 @@ class Rotors final : public Actuator {
         max_rate_(context.number("max_rate")),
         max_acceleration_(context.number("max_acceleration")),
         // plan_rates() limits the rate and acceleration of a commanded angle, so the command has a lag only.
-        command_(context, 0.0F, angle_control_ ? 1e30 : context.spec.number("max_acceleration"),
+        command_(context, 0.0F,
+                 angle_control_ ? RateLimitedLag::kNoRateLimit : context.spec.number("max_acceleration"),
                  context.spec.number("lag")),
         base_(context.field.height),
         angle_(base_.size(), 0.0F),

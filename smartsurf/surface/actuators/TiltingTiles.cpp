@@ -9,6 +9,7 @@
 
 #include "smartsurf/surface/actuators/Models.h"
 #include "smartsurf/surface/actuators/MotionProfile.h"
+#include "smartsurf/surface/actuators/RunMotion.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -26,9 +27,7 @@ class TiltingTiles final : public Actuator {
         max_tilt_acceleration_(context.number("max_tilt_acceleration")),
         base_(context.field.height),
         tilt_(base_.size()),
-        moving_(runs_.size(), 0),
-        run_max_height_(runs_.size(), 0.0F),
-        run_max_speed_(runs_.size(), 0.0F) {
+        motion_(runs_.size()) {
     target_.fill(std::vector<float>(base_.size(), 0.0F));
     target_[kHeave] = base_;
   }
@@ -40,19 +39,19 @@ class TiltingTiles final : public Actuator {
         const float value = channel == kHeave ? base_[i] + targets[i] : targets[i];
         if (target[i] == value) continue;
         target[i] = value;
-        moving_[r] = 1;
+        motion_.set_moving(r);
       }
   }
 
   void snap_to_targets(Field& field) noexcept override {
     for (std::size_t r = 0; r < runs_.size(); ++r) {
-      run_max_height_[r] = kNoCellHeight;
+      float max_height = kNoCellHeight;
       for (int i = runs_[r].begin; i < runs_[r].end; ++i) {
         field.height[i] = target_[kHeave][i];
         field.tilt[i] = tilt_[i] = {target_[kRoll][i], target_[kPitch][i]};
-        run_max_height_[r] = std::max(run_max_height_[r], max_corner_height(field.height[i], tilt_[i]));
+        max_height = std::max(max_height, max_corner_height(field.height[i], tilt_[i]));
       }
-      moving_[r] = 0;
+      motion_.set_at_rest(r, max_height);
     }
   }
 
@@ -60,17 +59,13 @@ class TiltingTiles final : public Actuator {
     const auto dt = static_cast<float>(dt_s);
     const MotionProfile heave(max_speed_, max_acceleration_, dt),
         tilt(max_tilt_rate_, max_tilt_acceleration_, dt);
-    for (std::size_t r = 0; r < runs_.size(); ++r) {
-      if (moving_[r] != 0) plan_run(r, heave, tilt, dt, field);
-      field.max_height = std::max(field.max_height, run_max_height_[r]);
-      field.max_speed = std::max(field.max_speed, run_max_speed_[r]);
-    }
+    motion_.plan(false, field, [&](std::size_t r) { return plan_run(runs_[r], heave, tilt, dt, field); });
   }
 
   void commit(double dt_s, Field& field) noexcept override {
     const auto dt = static_cast<float>(dt_s);
     for (std::size_t r = 0; r < runs_.size(); ++r)
-      for (int i = runs_[r].begin; moving_[r] != 0 && i < runs_[r].end; ++i) {
+      for (int i = runs_[r].begin; motion_.is_moving(r) && i < runs_[r].end; ++i) {
         const TopTilt& rate = field.tilt_rate[i];
         field.height[i] = MotionProfile::advance(field.height[i], field.speed[i], target_[kHeave][i], dt);
         tilt_[i] = {MotionProfile::advance(tilt_[i].roll, rate.roll, target_[kRoll][i], dt),
@@ -89,9 +84,7 @@ class TiltingTiles final : public Actuator {
       for (int i = run.begin; i < run.end; ++i) motion[i].a = tilt_[i].roll, motion[i].b = tilt_[i].pitch;
   }
 
-  void archive(common::StateArchive& a) override {
-    a(target_, tilt_, moving_, run_max_height_, run_max_speed_);
-  }
+  void archive(common::StateArchive& a) override { a(target_, tilt_, motion_); }
 
  private:
   enum Axis { kHeave, kRoll, kPitch, kAxes };
@@ -100,24 +93,23 @@ class TiltingTiles final : public Actuator {
     return height + half_top_x_ * std::abs(t.pitch) + half_top_y_ * std::abs(t.roll);
   }
 
-  void plan_run(std::size_t run, const MotionProfile& heave, const MotionProfile& tilt, float dt_s,
-                Field& field) noexcept {
+  RunMotion::Bounds plan_run(const CellRun& run, const MotionProfile& heave, const MotionProfile& tilt,
+                             float dt_s, Field& field) noexcept {
     const float farthest = std::hypot(half_top_x_, half_top_y_, thickness_);
-    float& max_height = run_max_height_[run] = kNoCellHeight;
-    float& max_speed = run_max_speed_[run] = 0.0F;
-    for (int i = runs_[run].begin; i < runs_[run].end; ++i) {
+    RunMotion::Bounds bounds;
+    for (int i = run.begin; i < run.end; ++i) {
       float& speed = field.speed[i];
       TopTilt& rate = field.tilt_rate[i];
       speed = heave(target_[kHeave][i] - field.height[i], speed);
       rate = {tilt(target_[kRoll][i] - tilt_[i].roll, rate.roll),
               tilt(target_[kPitch][i] - tilt_[i].pitch, rate.pitch)};
       const TopTilt next{tilt_[i].roll + rate.roll * dt_s, tilt_[i].pitch + rate.pitch * dt_s};
-      max_height = std::max({max_height, max_corner_height(field.height[i], tilt_[i]),
-                             max_corner_height(field.height[i] + speed * dt_s, next)});
-      max_speed =
-          std::max(max_speed, std::abs(speed) + farthest * (std::abs(rate.roll) + std::abs(rate.pitch)));
+      bounds.max_height = std::max({bounds.max_height, max_corner_height(field.height[i], tilt_[i]),
+                                    max_corner_height(field.height[i] + speed * dt_s, next)});
+      bounds.max_speed = std::max(bounds.max_speed,
+                                  std::abs(speed) + farthest * (std::abs(rate.roll) + std::abs(rate.pitch)));
     }
-    moving_[run] = static_cast<std::uint8_t>(max_speed != 0.0F);
+    return bounds;
   }
 
   std::vector<CellRun> runs_;
@@ -127,9 +119,7 @@ class TiltingTiles final : public Actuator {
   // By axis; rows × columns: z of the top, u, base included; roll and pitch, rad.
   std::array<std::vector<float>, kAxes> target_;
   std::vector<TopTilt> tilt_;  // rows × columns
-  // One per run, so that runs at rest on their targets cost nothing.
-  std::vector<std::uint8_t> moving_;
-  std::vector<float> run_max_height_, run_max_speed_;
+  RunMotion motion_;
 };
 
 }  // namespace

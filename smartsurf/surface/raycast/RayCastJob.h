@@ -1,4 +1,4 @@
-// What the rays of a surface are cast against, and where the results go. Private to
+// The targets of a surface's rays, and the destination of the results. Private to
 // smartsurf/surface/raycast.
 #pragma once
 

@@ -7,19 +7,19 @@
 #include <cstdint>
 #include <numbers>
 
+#include "common/hash/SplitMix64.h"
+
 namespace smartsurf::surface {
 
 class CounterRandom {
  public:
   CounterRandom(std::uint64_t seed, std::uint64_t stream, std::uint64_t tick) noexcept
-      : key_(splitmix64(splitmix64(splitmix64(seed) + stream) + tick)) {}
+      : key_(common::splitmix64(common::splitmix64(common::splitmix64(seed) + stream) + tick)) {}
 
-  // One step of SplitMix64 from the state z, also a hash of z.
-  static std::uint64_t splitmix64(std::uint64_t z) noexcept { return mix(z + kGamma); }
-
-  // 64 random bits: SplitMix64 at position `index` (Steele, Lea, Flood: Fast Splittable Pseudorandom Number
-  // Generators, OOPSLA 2014).
-  std::uint64_t bits(std::uint64_t index) const noexcept { return mix(key_ + (index + 1) * kGamma); }
+  // 64 random bits: SplitMix64 at position `index`.
+  std::uint64_t bits(std::uint64_t index) const noexcept {
+    return common::splitmix64(key_ + index * common::kSplitMix64Step);
+  }
 
   // Uniform in [0, 1), a multiple of 2⁻⁵³.
   double uniform(std::uint64_t index) const noexcept {
@@ -37,14 +37,6 @@ class CounterRandom {
   }
 
  private:
-  static constexpr std::uint64_t kGamma = 0x9e3779b97f4a7c15U;
-
-  static std::uint64_t mix(std::uint64_t z) noexcept {
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9U;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebU;
-    return z ^ (z >> 31);
-  }
-
   // ln u to 1e-10, for a normalized u > 0: u = m·2^e with m near 1, and ln m = 2 artanh((m − 1)/(m + 1)) as a
   // series.
   static double log_approx(double u) noexcept {

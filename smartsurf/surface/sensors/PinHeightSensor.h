@@ -1,4 +1,4 @@
-// What an encoder at each cell says: the height of its top.
+// An encoder at each cell: the height of its top.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What a skin senses of itself, at n × n points of each cell: its height, its strain, the load on it.
+// The senses of a skin, at n × n points of each cell: its height, its strain, the load on it.
 #pragma once
 
 #include <algorithm>

@@ -8,6 +8,7 @@
 
 #include "smartsurf/view/gl/Layers.h"
 #include "smartsurf/view/gl/ShadowMap.h"
+#include "smartsurf/view/model/Float3.h"
 #include "smartsurf/view/model/Palette.h"
 #include "smartsurf/view/model/StageModel.h"
 #include "smartsurf/view/model/TableBounds.h"
@@ -27,10 +28,6 @@ constexpr float kMostOcclusionReach = 0.12f;  // radius, share of the picture's 
 
 // If a cell at the camera's target is narrower than this, its gaps may be painted (draw_closed_gaps).
 constexpr double kDistantCell_px = 24.0;
-
-std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
 
 bool is_distant(const scene::SurfaceSpec& surface, const Camera& camera, int height) {
   const double pixels_per_unit = 0.5 * height / (std::tan(camera.field_of_view() / 2.0) * camera.distance());

@@ -117,7 +117,7 @@ vec3 lit(vec3 albedo, vec3 n, vec3 p, float open) {
   return to_screen(c * albedo);
 }
 
-// What a surface of this roughness mirrors: ground, sky, a broad lamp above and a strip light at the back.
+// The surroundings that a surface of this roughness mirrors: ground, sky, a lamp above, a strip light behind.
 vec3 environment(vec3 d, float rough) {
   float blur = 0.06 + 0.8 * rough;
   vec3 c = mix(bounce.rgb, sky.rgb, smoothstep(-blur, blur, d.z));

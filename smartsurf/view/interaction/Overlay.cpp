@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "smartsurf/view/model/Float3.h"
 #include "smartsurf/view/model/Meshes.h"
 #include "smartsurf/view/model/PlotData.h"
 
@@ -12,10 +13,6 @@ namespace smartsurf::view {
 namespace {
 
 using Rgba8 = std::array<std::uint8_t, 4>;
-
-std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
 
 // Channels with at least this range, such as pressure, declare no limit that their values come near.
 constexpr float kNoLimit = 1e6F;

@@ -7,6 +7,7 @@
 #include "smartsurf/scene/Delta.h"
 #include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorMeshes.h"
+#include "smartsurf/view/model/Float3.h"
 #include "smartsurf/view/model/Palette.h"
 
 namespace smartsurf::view {
@@ -14,11 +15,33 @@ namespace {
 
 using Vec = Eigen::Vector3f;
 using Mat = Eigen::Matrix3f;
-using Rgba8 = std::array<std::uint8_t, 4>;
 
-constexpr float kMinVisibleLevel = 0.02F;  // weaker forces and flows are not drawn
+constexpr float kQuarterTurn = 1.5707963F;
 
-Rgba8 to_linear_rgba8(const Rgb& srgb, float alpha = 1.0F) {
+// Weaker forces and flows are not drawn.
+constexpr NamedNumber kMinVisibleLevel{"min_visible_level", 0.02F};
+// How far parts are sunk into their pins, in radii.
+constexpr NamedNumber kBallRecess{"ball_recess", 0.75F}, kWheelRecess{"wheel_recess", 0.9F};
+// Of the middle of a wheel from that of the cell, in edges of the top: across and along its axle.
+constexpr NamedNumber kWheelAcross{"wheel_across", 0.15F}, kWheelAlong{"wheel_along", 0.22F};
+constexpr NamedNumber kMaxRotorRadius{"max_rotor_radius", 0.55F};  // pitches
+// Half extents of an arrow, in pitches, and what a strength of 1 adds. Always longer than wide, so that the
+// direction stays visible.
+constexpr NamedNumber kArrowLength{"arrow_length", 0.16F}, kArrowLengthGain{"arrow_length_gain", 0.30F};
+constexpr NamedNumber kArrowWidth{"arrow_width", 0.09F}, kArrowWidthGain{"arrow_width_gain", 0.07F};
+// The height of a plume's foot, in edges of the top; its length, in that at full flow, and its opacity, with
+// what full flow adds.
+constexpr NamedNumber kPlumeFoot{"plume_foot", 0.1F};
+constexpr NamedNumber kPlumeLength{"plume_length", 0.2F}, kPlumeLengthGain{"plume_length_gain", 0.8F};
+constexpr NamedNumber kPlumeOpacity{"plume_opacity", 0.15F}, kPlumeOpacityGain{"plume_opacity_gain", 0.4F};
+constexpr NamedNumber kMaxPlateSlope{"max_plate_slope", 0.7F};
+constexpr NamedNumber kSkinClearance{"skin_clearance", 0.02F};  // above the tops, pitches
+constexpr NamedNumber kLooks[] = {
+    kMinVisibleLevel, kBallRecess,      kWheelRecess,      kWheelAcross,    kWheelAlong,   kMaxRotorRadius,
+    kArrowLength,     kArrowLengthGain, kArrowWidth,       kArrowWidthGain, kPlumeFoot,    kPlumeLength,
+    kPlumeLengthGain, kPlumeOpacity,    kPlumeOpacityGain, kMaxPlateSlope,  kSkinClearance};
+
+std::array<std::uint8_t, 4> to_linear_rgba8(const Rgb& srgb, float alpha) {
   const Rgb light = linear_light(srgb);
   return {to_byte(light[0]), to_byte(light[1]), to_byte(light[2]), to_byte(alpha)};
 }
@@ -51,13 +74,10 @@ constexpr NamedColour kColours[] = {{"ivory", kIvory},
                                     {"vibrating", kVibrating},
                                     {"skin", kSkin}};
 
-std::array<float, 3> to_float3(const Vec& v) { return {v.x(), v.y(), v.z()}; }
-
-MeshInstance make_instance(const Vec& centre, const Mat& axes, const Rgba8& base_colour,
-                           const Rgba8& accent_colour) {
-  return {
-      to_float3(axes.col(0)), to_float3(axes.col(1)), to_float3(axes.col(2)), to_float3(centre), base_colour,
-      accent_colour};
+// The two angles are applied about x, then about y.
+Mat roll_pitch(const scene::ActuatorState& motion) {
+  return (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
+      .toRotationMatrix();
 }
 
 Vec to_vector(const std::vector<double>& v, std::size_t first = 0) {
@@ -101,6 +121,7 @@ constexpr std::size_t kMaxHullPoints = 32;
 }  // namespace
 
 std::span<const NamedColour> actuator_colours() { return kColours; }
+std::span<const NamedNumber> actuator_looks() { return kLooks; }
 
 // The pose of a cell: the centre of its top and its axes.
 struct ActuatorGeometry::CellFrame {
@@ -199,7 +220,7 @@ void ActuatorGeometry::add_skin() {
 void ActuatorGeometry::update_drops(const scene::Snapshot& snapshot) {
   const scene::SkinSpec& skin = *surface_.skin;
   if (std::ssize(snapshot.skin_height) != skin.rows * skin.columns) return;
-  const float clearance = 0.02F * static_cast<float>(surface_.pitch);
+  const float clearance = kSkinClearance.value * static_cast<float>(surface_.pitch);
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column) {
       const int cell = surface_.index(row, column);
@@ -219,8 +240,7 @@ void ActuatorGeometry::update_skin(const scene::Snapshot& snapshot) {
   InstancedMesh& added = meshes_.back();
   std::vector<float>& vertices = added.mesh.vertices;
   if (snapshot.skin_height.size() * 7 != vertices.size()) return;
-  added.instances.push_back(
-      make_instance(Vec::Zero(), Mat::Identity(), to_linear_rgba8(kSkin), to_linear_rgba8(kRubber)));
+  draw(meshes_.size() - 1, Vec::Zero(), Mat::Identity(), kSkin, kRubber);
   const auto vertex = [&](int r, int c) {
     return 7 * (std::clamp(r, 0, skin.rows - 1) * skin.columns + std::clamp(c, 0, skin.columns - 1));
   };
@@ -256,6 +276,13 @@ std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, const Vec& size, bool
   return meshes_.size() - 1;
 }
 
+void ActuatorGeometry::draw(std::size_t mesh, const Vec& at, const Mat& axes, const Rgb& base,
+                            const Rgb& accent, float base_alpha, float accent_alpha) {
+  meshes_[mesh].instances.push_back({to_float3(axes.col(0)), to_float3(axes.col(1)), to_float3(axes.col(2)),
+                                     to_float3(at), to_linear_rgba8(base, base_alpha),
+                                     to_linear_rgba8(accent, accent_alpha)});
+}
+
 void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   for (InstancedMesh& mesh : meshes_) mesh.instances.clear();
   std::ranges::fill(recess_, 0.0F);
@@ -271,17 +298,14 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   if (surface_.skin) update_skin(snapshot);
 }
 
-// The two angles are applied about x, then about y. The exact order does not matter for a visual cue.
+// The exact order of the two rotations does not matter for a visual cue.
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::ActuatorSpec& spec) {
   const float radius = std::min(float_parameter(spec, "radius"), 0.5F * top_edge_);
   const std::size_t mesh = add_mesh(ball_mesh(segments_), Vec::Constant(radius));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
-    const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
-                         .toRotationMatrix();
-    meshes_[mesh].instances.push_back(make_instance(f.top - radius * Vec::UnitZ(), radius * (f.axes * turn),
-                                                    to_linear_rgba8(kIvory), to_linear_rgba8(kOrange)));
-    recess_[cell] = 0.75F * radius;
+    draw(mesh, f.top - radius * Vec::UnitZ(), radius * (f.axes * roll_pitch(motion)), kIvory, kOrange);
+    recess_[cell] = kBallRecess.value * radius;
   };
 }
 
@@ -289,7 +313,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::A
   const float radius = std::min(float_parameter(spec, "radius"), 0.3F * top_edge_),
               half_width = 0.11F * top_edge_;
   const Mat set = Eigen::AngleAxisf(float_parameter(spec, "angle"), Vec::UnitZ()).toRotationMatrix();
-  const Mat left = Eigen::AngleAxisf(1.5707963F, Vec::UnitZ()).toRotationMatrix();
+  const Mat left = Eigen::AngleAxisf(kQuarterTurn, Vec::UnitZ()).toRotationMatrix();
   const Vec size(radius, half_width, radius);
   const std::size_t mesh = add_mesh(wheel_mesh(segments_), size);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
@@ -297,20 +321,20 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::A
     const Mat mount = f.axes * set;
     const auto add = [&](const Mat& heading, const Vec& offset, float angle) {
       const Mat turn = Eigen::AngleAxisf(angle, Vec::UnitY()).toRotationMatrix();
-      meshes_[mesh].instances.push_back(make_instance(
-          f.top + mount * (top_edge_ * offset) - radius * Vec::UnitZ(),
-          mount * heading * turn * size.asDiagonal(), to_linear_rgba8(kTyre), to_linear_rgba8(kOrange)));
+      draw(mesh, f.top + mount * (top_edge_ * offset) - radius * Vec::UnitZ(),
+           mount * heading * turn * size.asDiagonal(), kTyre, kOrange);
     };
-    add(Mat::Identity(), {-0.15F, 0.22F, 0}, motion.a);
-    add(left, {0.22F, -0.15F, 0}, motion.b);
-    recess_[cell] = 0.9F * radius;
+    add(Mat::Identity(), {-kWheelAcross.value, kWheelAlong.value, 0}, motion.a);
+    add(left, {kWheelAlong.value, -kWheelAcross.value, 0}, motion.b);
+    recess_[cell] = kWheelRecess.value * radius;
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::ActuatorSpec& spec) {
   const RotorShape shape = make_rotor_shape(spec);
   const bool corners = !shape.points.empty() && shape.points.size() <= kMaxHullPoints;
-  const float scale = std::min(1.0F, 0.55F * static_cast<float>(surface_.pitch) / shape.max_radius());
+  const float scale =
+      std::min(1.0F, kMaxRotorRadius.value * static_cast<float>(surface_.pitch) / shape.max_radius());
   const Vec half = shape.points.empty() ? shape.half_axes : Vec::Constant(shape.max_radius());
   const Vec size = corners ? Vec(Vec::Constant(scale)) : Vec(scale * half);
   const std::size_t mesh = add_mesh(corners ? hull_mesh(shape.points) : ball_mesh(segments_), size);
@@ -318,15 +342,9 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::A
     const CellFrame f = cell_frame(cell, snapshot);
     const Mat turn = Eigen::AngleAxisf(motion.a, shape.axis).toRotationMatrix();
     const float highest = shape.max_height(turn);
-    meshes_[mesh].instances.push_back(make_instance(f.top - scale * highest * Vec::UnitZ(),
-                                                    f.axes * turn * size.asDiagonal(),
-                                                    to_linear_rgba8(kIvory), to_linear_rgba8(kOrange)));
+    draw(mesh, f.top - scale * highest * Vec::UnitZ(), f.axes * turn * size.asDiagonal(), kIvory, kOrange);
     recess_[cell] = highest;
   };
-}
-
-void ActuatorGeometry::add_hidden_part(std::size_t mesh, const MeshInstance& of_no_size) {
-  if (keeps_hidden_parts_) meshes_[mesh].instances.push_back(of_no_size);
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
@@ -335,13 +353,13 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
-    if (!(strength > kMinVisibleLevel))
-      return add_hidden_part(
-          mesh, make_instance(cell_frame(cell, snapshot).top, Mat::Zero(), to_linear_rgba8(kStrongForce),
-                              to_linear_rgba8(kStrongForce)));
-    // Always longer than wide, so that the direction stays visible.
-    const float half_length = pitch * (0.16F + 0.30F * strength),
-                half_width = pitch * (0.09F + 0.07F * strength);
+    const Vec top = cell_frame(cell, snapshot).top;
+    if (!(strength > kMinVisibleLevel.value)) {
+      if (keeps_hidden_parts_) draw(mesh, top, Mat::Zero(), kStrongForce, kStrongForce);
+      return;
+    }
+    const float half_length = pitch * (kArrowLength.value + kArrowLengthGain.value * strength),
+                half_width = pitch * (kArrowWidth.value + kArrowWidthGain.value * strength);
     const Vec along = force.normalized();
     const Vec aside =
         (std::abs(along.z()) < 0.95F ? Vec::UnitZ().cross(along) : Vec::UnitX().cross(along)).normalized();
@@ -349,9 +367,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
     axes << half_length * along, half_width * aside, half_width * along.cross(aside);
     // The whole arrow lies above the cell's top.
     const float over = half_length * std::abs(along.z()) + half_width;
-    const Rgba8 base_colour = to_linear_rgba8(mix_colours(kWeakForce, kStrongForce, strength));
-    meshes_[mesh].instances.push_back(
-        make_instance(cell_frame(cell, snapshot).top + over * Vec::UnitZ(), axes, base_colour, base_colour));
+    const Rgb colour = mix_colours(kWeakForce, kStrongForce, strength);
+    draw(mesh, top + over * Vec::UnitZ(), axes, colour, colour);
   };
 }
 
@@ -363,13 +380,12 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::coil_builder() {
     // The square root makes weak currents visible.
     const float strength = std::sqrt(std::min(1.0F, std::abs(motion.level)));
     const Rgb core = mix_colours(kIron, motion.level < 0.0F ? kBlue : kRed, strength);
-    meshes_[mesh].instances.push_back(
-        make_instance(f.top, f.axes * size.asDiagonal(), to_linear_rgba8(core), to_linear_rgba8(kCopper)));
+    draw(mesh, f.top, f.axes * size.asDiagonal(), core, kCopper);
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::ActuatorSpec& spec) {
-  const float tilt = float_parameter(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
+  const float lean = float_parameter(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
   const float highest = std::min(float_parameter(spec, "reach"), 2.0F * pitch);
   const Vec size(0.42F * top_edge_, 0.42F * top_edge_, 0.12F * top_edge_);
   const std::size_t nozzle = add_mesh(nozzle_mesh(segments_), size),
@@ -377,19 +393,18 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::Act
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
-    meshes_[nozzle].instances.push_back(make_instance(f.top, f.axes * size.asDiagonal(),
-                                                      to_linear_rgba8(mix_colours(kRubber, kAir, flow)),
-                                                      to_linear_rgba8(kInk)));
-    if (flow < kMinVisibleLevel)
-      return add_hidden_part(plume, make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), Mat::Zero(),
-                                                  to_linear_rgba8(kAir, 0.55F), to_linear_rgba8(kAir, 0.0F)));
-    const Vec up(std::sin(tilt) * std::cos(motion.a), std::sin(tilt) * std::sin(motion.a), std::cos(tilt));
+    draw(nozzle, f.top, f.axes * size.asDiagonal(), mix_colours(kRubber, kAir, flow), kInk);
+    const Vec mouth = f.top + kPlumeFoot.value * top_edge_ * Vec::UnitZ();
+    if (flow < kMinVisibleLevel.value) {
+      if (keeps_hidden_parts_)
+        draw(plume, mouth, Mat::Zero(), kAir, kAir, kPlumeOpacity.value + kPlumeOpacityGain.value, 0.0F);
+      return;
+    }
+    const Vec up(std::sin(lean) * std::cos(motion.a), std::sin(lean) * std::sin(motion.a), std::cos(lean));
     Mat axes;
     axes << 0.45F * pitch * f.axes.col(0), 0.45F * pitch * f.axes.col(1),
-        highest * (0.2F + 0.8F * flow) * (f.axes * up);
-    meshes_[plume].instances.push_back(make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), axes,
-                                                     to_linear_rgba8(kAir, 0.15F + 0.4F * flow),
-                                                     to_linear_rgba8(kAir, 0.0F)));
+        highest * (kPlumeLength.value + kPlumeLengthGain.value * flow) * (f.axes * up);
+    draw(plume, mouth, axes, kAir, kAir, kPlumeOpacity.value + kPlumeOpacityGain.value * flow, 0.0F);
   };
 }
 
@@ -411,7 +426,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::Act
   if (tip.shape == scene::TipShape::kHemisphere) {
     constexpr int kRings = 6;
     for (int i = 0; i <= kRings; ++i) {
-      const float angle = 1.5707963F * static_cast<float>(i) / kRings;
+      const float angle = kQuarterTurn * static_cast<float>(i) / kRings;
       outline.emplace_back(tip.radius * std::sin(angle), tip.radius * (std::cos(angle) - 1.0F));
     }
   } else if (tip.shape == scene::TipShape::kCone) {
@@ -425,8 +440,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tip_builder(const scene::Act
                                : turned_mesh(segments_, outline, -tip.height - 1e-3F));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState&) {
     const CellFrame f = cell_frame(cell, snapshot);
-    meshes_[mesh].instances.push_back(
-        make_instance(f.top, f.axes, to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
+    draw(mesh, f.top, f.axes, kRubber, kIvory);
     recess_[cell] = depth;
   };
 }
@@ -442,7 +456,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
   std::vector<Eigen::Vector2f> outline;
   for (const int end : {0, 1})  // the upper, then the lower
     for (int i = 0; i <= kRings; ++i) {
-      const float angle = 1.5707963F * (static_cast<float>(i) / kRings + static_cast<float>(end));
+      const float angle = kQuarterTurn * (static_cast<float>(i) / kRings + static_cast<float>(end));
       const float centre = end == 0 ? -radius : radius - length;
       outline.emplace_back(radius * std::sin(angle), centre + radius * std::cos(angle));
     }
@@ -458,8 +472,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec centre = cell_frame(cell, snapshot).top;
     const Vec tip = centre + workspace * Vec(motion.a, motion.b, 0.0F);
-    meshes_[tip_mesh].instances.push_back(
-        make_instance(tip, Mat::Identity(), to_linear_rgba8(kRubber), to_linear_rgba8(kIvory)));
+    draw(tip_mesh, tip, Mat::Identity(), kRubber, kIvory);
     const Vec upper = tip - length * Vec::UnitZ();
     for (const Vec& joint : joints) {
       const Eigen::Vector2f aside = (centre + joint - tip).head<2>();
@@ -468,8 +481,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::delta_builder(const scene::A
       const Vec across = half_width * half_arm.unitOrthogonal();
       Mat axes;
       axes << across, half_width * half_arm.cross(across).normalized(), half_arm;
-      meshes_[arm_mesh].instances.push_back(
-          make_instance(upper + half_arm, axes, to_linear_rgba8(kInk), to_linear_rgba8(kInk)));
+      draw(arm_mesh, upper + half_arm, axes, kInk, kInk);
     }
     recess_[cell] = below;
   };
@@ -484,26 +496,22 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::tilting_plate_builder(const 
       2.0F * half_thickness + half.head<2>().norm() * std::sin(float_parameter(spec, "max_tilt"));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
-    const Mat axes =
-        f.axes * (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
-                     .toRotationMatrix();
-    meshes_[mesh].instances.push_back(make_instance(f.top - half_thickness * Vec(axes.col(2)),
-                                                    axes * half.asDiagonal(), to_linear_rgba8(kRubber),
-                                                    to_linear_rgba8(kIdle)));
+    const Mat axes = f.axes * roll_pitch(motion);
+    draw(mesh, f.top - half_thickness * Vec(axes.col(2)), axes * half.asDiagonal(), kRubber, kIdle);
     recess_[cell] = below;
   };
 }
 
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
   const auto pitch = static_cast<float>(surface_.pitch);
-  constexpr float kHalfThickness = 0.05F, kMaxSlope = 0.7F;
+  constexpr float kHalfThickness = 0.05F;
   const Vec half(0.5F * static_cast<float>(surface_.pin.top_x), 0.5F * static_cast<float>(surface_.pin.top_y),
                  kHalfThickness * pitch);
   const std::size_t mesh = add_mesh(plate_mesh(), half);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
     const auto slope = [&](float low, float high) {
-      return std::clamp(0.5F * (high - low) / pitch, -kMaxSlope, kMaxSlope);
+      return std::clamp(0.5F * (high - low) / pitch, -kMaxPlateSlope.value, kMaxPlateSlope.value);
     };
     // Central differences of the heights.
     const float east = slope(neighbour_height(cell, 0, -1, snapshot), neighbour_height(cell, 0, 1, snapshot));
@@ -513,9 +521,8 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::vibrating_plate_builder() {
     const Vec x = Vec(1, 0, east).normalized();
     Mat axes;
     axes << half.x() * (f.axes * x), half.y() * (f.axes * up.cross(x)), half.z() * (f.axes * up);
-    meshes_[mesh].instances.push_back(
-        make_instance(f.top - half.z() * Vec::UnitZ(), axes, to_linear_rgba8(kRubber),
-                      to_linear_rgba8(mix_colours(kIdle, kVibrating, std::clamp(motion.level, 0.0F, 1.0F)))));
+    draw(mesh, f.top - half.z() * Vec::UnitZ(), axes, kRubber,
+         mix_colours(kIdle, kVibrating, std::clamp(motion.level, 0.0F, 1.0F)));
     recess_[cell] = 3.0F * half.z();
   };
 }

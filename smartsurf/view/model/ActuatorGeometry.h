@@ -50,6 +50,12 @@ struct NamedColour {
   Rgb colour;
 };
 std::span<const NamedColour> actuator_colours();
+// The proportions of the parts and their motions, by name, for renderers that move the parts themselves.
+struct NamedNumber {
+  const char* name;
+  float value;
+};
+std::span<const NamedNumber> actuator_looks();
 
 class ActuatorGeometry {
  public:
@@ -85,11 +91,13 @@ class ActuatorGeometry {
   CellFrame cell_frame(std::size_t cell, const scene::Snapshot&) const;
   std::size_t add_mesh(TwoColourMesh mesh, const Eigen::Vector3f& size = Eigen::Vector3f::Ones(),
                        bool translucent = false);
+  // Appends an instance of a mesh.
+  void draw(std::size_t mesh, const Eigen::Vector3f& at, const Eigen::Matrix3f& axes, const Rgb& base,
+            const Rgb& accent, float base_alpha = 1.0F, float accent_alpha = 1.0F);
   InstanceBuilder make_builder(const scene::ActuatorSpec&);
   InstanceBuilder ball_builder(const scene::ActuatorSpec&);
   InstanceBuilder wheel_builder(const scene::ActuatorSpec&);
   InstanceBuilder rotor_builder(const scene::ActuatorSpec&);
-  void add_hidden_part(std::size_t mesh, const MeshInstance& of_no_size);
   InstanceBuilder arrow_builder();
   InstanceBuilder coil_builder();
   InstanceBuilder jet_builder(const scene::ActuatorSpec&);

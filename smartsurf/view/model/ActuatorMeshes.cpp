@@ -5,6 +5,8 @@
 #include <numbers>
 #include <vector>
 
+#include "smartsurf/view/model/Meshes.h"
+
 namespace smartsurf::view {
 namespace {
 
@@ -26,8 +28,8 @@ void add_quad(TwoColourMesh& mesh, const Vec& a, const Vec& b, const Vec& c, con
 }
 
 Vec circle_point(int step, int steps, float radius, float z) {
-  const double angle = 2.0 * std::numbers::pi * step / steps;
-  return {radius * static_cast<float>(std::cos(angle)), radius * static_cast<float>(std::sin(angle)), z};
+  const auto [x, y] = view::circle_point(step, steps);
+  return {radius * x, radius * y, z};
 }
 
 // A band about z between two circles. Its front faces outwards if z0 < z1, inwards if z0 > z1.

@@ -15,7 +15,7 @@ namespace smartsurf::view {
 
 enum class CameraPreset { kTop, kIso, kSide };
 
-// Where a camera is and the point in the middle of its image, u. Its text has the form "X,Y,Z:X,Y,Z".
+// The position of a camera and the point in the middle of its image, u. Its text has the form "X,Y,Z:X,Y,Z".
 struct CameraPose {
   Eigen::Vector3d position, target;
 };

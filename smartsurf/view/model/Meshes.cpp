@@ -15,11 +15,6 @@ constexpr float kSmoothCosine = 0.766F;      // faces that meet at less than 40Â
 constexpr std::size_t kMaxSmoothFaces = 64;  // around a corner; more are drawn flat
 constexpr int kWireframeSteps = 36, kWireframeMeridians = 12;
 
-std::array<float, 2> circle_point(int step, int steps) {
-  const double angle = 2.0 * std::numbers::pi * step / steps;
-  return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
-}
-
 // A flat disc at z that faces up (up = 1) or down (up = âˆ’1).
 void add_disc(Mesh& mesh, int segments, float z, float up) {
   const std::uint32_t middle = mesh.add_vertex(0, 0, z, 0, 0, up);
@@ -64,6 +59,11 @@ Eigen::Vector3f face_normal(const scene::Solid& solid, const std::array<std::uin
 }
 
 }  // namespace
+
+std::array<float, 2> circle_point(int step, int steps) {
+  const double angle = 2.0 * std::numbers::pi * step / steps;
+  return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
+}
 
 std::uint32_t Mesh::add_vertex(float x, float y, float z, float nx, float ny, float nz) {
   vertices.insert(vertices.end(), {x, y, z, nx, ny, nz});

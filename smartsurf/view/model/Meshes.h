@@ -5,6 +5,7 @@
 // or the lower cap, and the vertex shader moves the caps apart. A solid keeps its own size.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -20,6 +21,9 @@ struct Mesh {
   std::uint32_t add_vertex(float x, float y, float z, float nx, float ny, float nz);
   void add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c);
 };
+
+// The point of a unit circle after that share of a turn from +x.
+std::array<float, 2> circle_point(int step, int steps);
 
 Mesh box_mesh();
 // segments: number of segments around the z axis.

@@ -1,5 +1,5 @@
-// What both renderers draw beside the moving scene: the light, the looks of materials, the ground, the board
-// and the axes. No OpenGL.
+// The stage that both renderers draw around the moving scene: the light, the looks of materials, the ground,
+// the board and the axes. No OpenGL.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -1,8 +1,8 @@
 #include "smartsurf/view/panels/DockLayout.h"
 
 #include <algorithm>
-#include <cmath>
-#include <sstream>
+
+#include "common/text/SizeList.h"
 
 namespace smartsurf::view {
 namespace {
@@ -10,7 +10,6 @@ namespace {
 constexpr float kTallAspect = 1.2f;  // a window that is narrower for its height is tall
 constexpr DockSizes kDefaults{290.0f, 230.0f, 320.0f, 190.0f}, kLeast{180.0f, 120.0f, 200.0f, 90.0f};
 constexpr float kMostOfWidth = 0.5f, kMostOfHeight = 2.0f / 3.0f;  // of all docks together
-constexpr float kMaxPoints = 10'000.0f;
 
 template <class Sizes, class Visitor>
 void for_each_size(Sizes& sizes, Visitor visit) {
@@ -50,25 +49,12 @@ DockRect cut_bottom(DockRect& rest, float height) {
 }  // namespace
 
 std::string format_sizes(const DockSizes& sizes) {
-  std::ostringstream text;
-  for_each_size(sizes, [&](const char* name, float size) {
-    if (size > 0.0f) text << name << ' ' << std::lround(size) << '\n';
-  });
-  return text.str();
+  return common::format_size_list([&](const auto& visit) { for_each_size(sizes, visit); });
 }
 
 DockSizes parse_sizes(std::string_view text) {
   DockSizes sizes;
-  std::istringstream lines{std::string(text)};
-  for (std::string line; std::getline(lines, line);) {
-    std::istringstream words(line);
-    std::string known;
-    float points = 0.0f;
-    if (!(words >> known >> points) || !(points >= 0.0f && points <= kMaxPoints)) continue;
-    for_each_size(sizes, [&](const char* name, float& size) {
-      if (name == known) size = points;
-    });
-  }
+  common::parse_size_list(text, [&](const auto& visit) { for_each_size(sizes, visit); });
   return sizes;
 }
 

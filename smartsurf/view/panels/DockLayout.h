@@ -1,4 +1,4 @@
-// Where the panels of the window are: docked to its edges, beside the scene and never over it. No Dear ImGui.
+// The places of the window's panels: docked to its edges, beside the scene and never over it. No Dear ImGui.
 #pragma once
 
 #include <string>

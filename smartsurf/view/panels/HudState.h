@@ -1,4 +1,4 @@
-// What the panels remember from frame to frame. Internal to smartsurf/view.
+// The state that the panels keep from frame to frame. Internal to smartsurf/view.
 #pragma once
 
 #include <string>

@@ -148,7 +148,7 @@ bool has_distance_sensors(const FrameInput& input) {
   });
 }
 
-// What is switched on and has nothing to show, in words; "": nothing.
+// The switches that are on and have nothing to show, in words; "": none.
 std::string missing_lines(const FrameInput& input, const OverlaySettings& settings, const Status& status) {
   const char* const where = status.timeline && status.timeline->is_recording ? "in this recording" : "here";
   std::string missing;
@@ -160,7 +160,7 @@ std::string missing_lines(const FrameInput& input, const OverlaySettings& settin
   return missing;
 }
 
-// What can be switched on and off, highlighted while it is on.
+// The switches, highlighted while they are on.
 void draw_switches(const FrameInput& input, const Status& status, Controls& controls) {
   const bool recorded = is_recording(status), rays = has_distance_sensors(input);
   struct Switch {

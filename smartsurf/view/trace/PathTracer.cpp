@@ -96,7 +96,7 @@ class Path {
   Vec origin_, direction_;
   Vec radiance_ = Vec::Zero();
   float coverage_ = 1.0F;
-  // What the path carries: of all light, and of that which the last surface mirrors.
+  // The share of light that the path carries: of all light, and of that which the last surface mirrors.
   Vec carried_ = Vec::Ones(), mirrored_ = Vec::Ones();
   float density_ = std::numeric_limits<float>::infinity();  // of the direction; infinite: there was no choice
   int bounces_ = 0;

@@ -13,7 +13,7 @@
 
 namespace smartsurf::view {
 
-// What a ray meets. Normals point towards the ray's origin.
+// The point at which a ray meets a surface. Normals point towards the ray's origin.
 struct SurfacePoint {
   Eigen::Vector3f position;  // u
   Eigen::Vector3f normal;    // smooth

@@ -1,4 +1,4 @@
-// Where a new window appears.
+// The place of a new window.
 #pragma once
 
 namespace smartsurf::view {

@@ -11,7 +11,7 @@ float hypotf(float x, float y) {
   return static_cast<float>(std::sqrt(static_cast<double>(x) * x + static_cast<double>(y) * y));
 }
 
-// What the sine and cosine of an infinity are.
+// The sine and cosine of an infinity.
 float __math_invalidf(float) { return std::numeric_limits<float>::quiet_NaN(); }
 
 }  // extern "C"

@@ -187,8 +187,8 @@ int live_tick() {
 
 const char* live_message() { return live().message.c_str(); }
 
-// What does not change until live_start(), or until live_objects() grows: see SceneJson.h. "series" lists the
-// arrays of a frame.
+// The parts of a scene that do not change until live_start(), or until live_objects() grows: see SceneJson.h.
+// "series" lists the arrays of a frame.
 const char* live_scene() {
   const auto& simulation = live().environment->simulation();
   list_series();

@@ -125,7 +125,7 @@ async function startWorker() {
   waiting = null;
   send('load', { module: await compiled, files });
 }
-// What begins once the worker has loaded the module.
+// Begins the run, once the worker has loaded the module.
 function begin() {
   state.ready = true;
   if (waiting) send('start', waiting);

@@ -17,40 +17,40 @@ void AxisLaw::add_step(Cause cause, double speed, double below, double above) {
   ++count_;
 }
 
-double AxisLaw::offset(int place) const {
+double AxisLaw::offset(int segment) const {
   double sum = offset_;
   for (int i = 0; i < count_; ++i) {
     const Step& s = step_[i];
-    sum += 2 * i + 1 > place ? s.below : s.above;
+    sum += 2 * i + 1 > segment ? s.below : s.above;
   }
   return sum;
 }
 
-int AxisLaw::place_of(std::uint8_t causes, double speed) const {
-  int place = 0;
+int AxisLaw::segment_of(std::uint8_t causes, double speed) const {
+  int segment = 0;
   for (int i = 0; i < count_; ++i) {
     const Step& s = step_[i];
     if ((s.causes & causes) != 0) return 2 * i + 1;
     const bool is_above = speed >= s.speed;
     if (std::isinf(is_above ? s.above : s.below)) return 2 * i + 1;
-    if (is_above) place = 2 * i + 2;
+    if (is_above) segment = 2 * i + 2;
   }
-  return place;
+  return segment;
 }
 
-int AxisLaw::next_place(int place, double speed, double impulse, double speed_tolerance,
-                        double impulse_tolerance) const {
-  if (is_held(place)) {
-    const double rest = impulse + slope_ * held_speed(place);
-    const double below = offset(place - 1), above = offset(place + 1);
+int AxisLaw::next_segment(int segment, double speed, double impulse, double speed_tolerance,
+                          double impulse_tolerance) const {
+  if (is_held(segment)) {
+    const double rest = impulse + slope_ * held_speed(segment);
+    const double below = offset(segment - 1), above = offset(segment + 1);
     // Beyond a bound, only the bound itself is possible.
-    if (rest > below + impulse_tolerance) return place - (std::isinf(below) ? 2 : 1);
-    if (rest < above - impulse_tolerance) return place + (std::isinf(above) ? 2 : 1);
-    return place;
+    if (rest > below + impulse_tolerance) return segment - (std::isinf(below) ? 2 : 1);
+    if (rest < above - impulse_tolerance) return segment + (std::isinf(above) ? 2 : 1);
+    return segment;
   }
-  if (place > 0 && speed < step_[index_of(place) - 1].speed - speed_tolerance) return place - 1;
-  if (place < 2 * count_ && speed > step_[index_of(place)].speed + speed_tolerance) return place + 1;
-  return place;
+  if (segment > 0 && speed < step_[index_of(segment) - 1].speed - speed_tolerance) return segment - 1;
+  if (segment < 2 * count_ && speed > step_[index_of(segment)].speed + speed_tolerance) return segment + 1;
+  return segment;
 }
 
 }  // namespace smartsurf::world

@@ -2,7 +2,7 @@
 // friction, motor and limits are steps of it, and a spring makes it slope.
 //
 // Either the speed is that of a step, where the impulse is whatever holds it there, or the impulse is that
-// between two steps. Which of these holds, the place, is found together with the speeds of all joints.
+// between two steps. Which of these holds, the segment, is found together with the speeds of all joints.
 #pragma once
 
 #include <array>
@@ -20,26 +20,27 @@ class AxisLaw {
   // Infinity makes the speed a bound.
   void add_step(Cause, double speed, double below, double above);
 
-  // Places: 2·i + 1: at step i; 2·i: between the steps before and after it.
-  static bool is_held(int place) { return place % 2 == 1; }
-  double held_speed(int place) const { return step_[index_of(place)].speed; }
-  std::uint8_t causes(int place) const { return step_[index_of(place)].causes; }
+  // Segments: 2·i + 1: at step i; 2·i: between the steps before and after it.
+  static bool is_held(int segment) { return segment % 2 == 1; }
+  double held_speed(int segment) const { return step_[index_of(segment)].speed; }
+  std::uint8_t causes(int segment) const { return step_[index_of(segment)].causes; }
   double slope() const { return slope_; }
   // The impulse at speed 0, if it went on as between the steps.
-  double offset(int place) const;
-  // The place of a step with one of the causes; otherwise the one between the steps to which the speed
+  double offset(int segment) const;
+  // The segment of a step with one of the causes; otherwise the one between the steps to which the speed
   // belongs.
-  int place_of(std::uint8_t causes, double speed) const;
-  // Where to look next when at `place` the solution has this speed and impulse; `place` if they obey the law.
-  int next_place(int place, double speed, double impulse, double speed_tolerance,
-                 double impulse_tolerance) const;
+  int segment_of(std::uint8_t causes, double speed) const;
+  // The segment to try next when at `segment` the solution has this speed and impulse; `segment` itself if
+  // they obey the law.
+  int next_segment(int segment, double speed, double impulse, double speed_tolerance,
+                   double impulse_tolerance) const;
 
  private:
   struct Step {
     double speed, below, above;
     std::uint8_t causes;
   };
-  static std::size_t index_of(int place) { return place / 2; }
+  static std::size_t index_of(int segment) { return segment / 2; }
 
   std::array<Step, 4> step_{};  // ascending by speed
   int count_ = 0;

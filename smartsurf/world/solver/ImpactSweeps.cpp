@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "common/index/UnionFind.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 
@@ -17,12 +18,7 @@ constexpr int kNormalSweeps = 32, kNormalSweepsPerFrictionSweep = 4;
 constexpr std::size_t kMinSharedPoints = 96;
 
 using Vec = Eigen::Map<Vec3>;
-
-// The root of i in a union-find forest; the path to it is halved.
-std::int32_t find_root(std::vector<std::int32_t>& parent, std::int32_t i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
+using common::find_root;
 
 }  // namespace
 

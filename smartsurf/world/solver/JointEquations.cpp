@@ -5,6 +5,8 @@
 #include <set>
 #include <utility>
 
+#include "common/index/UnionFind.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -28,19 +30,15 @@ void JointEquations::find_trees(std::int32_t body_count,
   // Union of the bodies that a joint connects; the least body of a tree is its root.
   std::vector<std::int32_t> parent(body_count);
   std::iota(parent.begin(), parent.end(), 0);
-  auto root_of = [&](std::int32_t body) {
-    while (parent[body] != body) body = parent[body] = parent[parent[body]];
-    return body;
-  };
   for (const auto& [a, b] : joints) {
     if (a == kFixed || b == kFixed) continue;
-    const std::int32_t root_a = root_of(a), root_b = root_of(b);
+    const std::int32_t root_a = common::find_root(parent, a), root_b = common::find_root(parent, b);
     parent[std::max(root_a, root_b)] = std::min(root_a, root_b);
   }
   trees_.clear();
   std::vector<std::int32_t> tree_of(parent.size());
   for (std::int32_t i = 0; i < body_count; ++i) {
-    const std::int32_t root = root_of(i);
+    const std::int32_t root = common::find_root(parent, i);
     if (root == i) {
       tree_of[i] = static_cast<std::int32_t>(trees_.size());
       trees_.push_back({});

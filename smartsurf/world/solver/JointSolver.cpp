@@ -188,7 +188,7 @@ void JointSolver::store_velocities(const Rows& rows, IndexRange trees) {
   });
 }
 
-// ---- the places of the axes
+// ---- the segments of the axes
 
 // `spring`: its impulse at speed 0, from which `slope` is taken per speed.
 void JointSolver::set_law(Joint& j, Block& block, Stage stage, double h_s, double spring, double slope) {
@@ -205,38 +205,38 @@ void JointSolver::set_law(Joint& j, Block& block, Stage stage, double h_s, doubl
   if (j.friction > 0.0) block.law.add_step(AxisLaw::kFriction, 0.0, h_s * j.friction, -h_s * j.friction);
   if (j.has_motor)
     block.law.add_step(AxisLaw::kMotor, j.motor.speed, h_s * j.motor.max_effort, -h_s * j.motor.max_effort);
-  set_place(block, block.law.place_of(j.held_by, speeds(block)[kAxis]));
+  set_segment(block, block.law.segment_of(j.held_by, speeds(block)[kAxis]));
 }
 
-void JointSolver::set_place(Block& block, int place) {
-  block.place = place;
-  if (AxisLaw::is_held(place) || block.law.slope() > 0.0) return;
+void JointSolver::set_segment(Block& block, int segment) {
+  block.segment = segment;
+  if (AxisLaw::is_held(segment) || block.law.slope() > 0.0) return;
   RowVector change = RowVector::Zero();
-  change[kAxis] = block.law.offset(place) - block.impulse[kAxis];
+  change[kAxis] = block.law.offset(segment) - block.impulse[kAxis];
   apply(block, change);
 }
 
 // The compliance of the axis row, or a negative number when the axis has none.
 double JointSolver::axis_compliance(const Block& block, double relative) {
-  if (AxisLaw::is_held(block.place)) return relative * block.response[kAxis];
+  if (AxisLaw::is_held(block.segment)) return relative * block.response[kAxis];
   return block.law.slope() > 0.0 ? 1.0 / block.law.slope() : -1.0;
 }
 
-// Moves the axes of a tree that disobey their laws to the next place; all of them, or only the first.
+// Moves the axes of a tree that disobey their laws to the next segment; all of them, or only the first.
 // Releasing an axis leaves transient speeds, from which no pose can be predicted: keeps the speeds that the
 // rigid rows were solved for, which the next round restores.
-bool JointSolver::change_places(const JointEquations::Tree& tree, bool all) {
+bool JointSolver::change_segments(const JointEquations::Tree& tree, bool all) {
   bool any = false;
   for (const std::int32_t k : joints_of(tree)) {
     Block& block = blocks_[k];
     if (!block.is_active || !joints_[k].has_coordinate()) continue;
     const double impulse_tolerance = kConverged / block.response[kAxis];
-    const int place = block.law.next_place(block.place, speeds(block)[kAxis], block.impulse[kAxis],
-                                           kConverged, impulse_tolerance);
-    if (place == block.place) continue;
+    const int segment = block.law.next_segment(block.segment, speeds(block)[kAxis], block.impulse[kAxis],
+                                               kConverged, impulse_tolerance);
+    if (segment == block.segment) continue;
     if (!any)
       for (const std::int32_t i : joints_of(tree)) blocks_[i].solved_speeds = speeds(blocks_[i]);
-    set_place(block, place);
+    set_segment(block, segment);
     any = true;
     if (!all) break;
   }
@@ -586,7 +586,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
       any_open = any_open || s.is_open();
       // A change leaves speeds that another round must solve for, so the last round makes none.
       s.has_changed = s.is_open() && round > 0 && round < kMaxRounds &&
-                      change_places(equations_.trees()[t], round < kFreeRounds);
+                      change_segments(equations_.trees()[t], round < kFreeRounds);
       if (s.has_changed) s.is_factored = false;
     }
     if (!any_open) break;
@@ -609,14 +609,14 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
     }
   }
   for_each_selected(trees, [](Joint& j, const Block& block, double) {
-    if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.place) ? block.law.causes(block.place) : 0;
+    if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.segment) ? block.law.causes(block.segment) : 0;
   });
   return any_off;
 }
 
 // Sets what the speeds along the rows lack, and returns the greatest of it.
 double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage, double h_s,
-                                  bool has_changed_places) {
+                                  bool has_changed_segments) {
   for (const std::int32_t i : bodies_of(tree)) equations_.of_body(i).setZero();
   double greatest = 0.0;
   for (const std::int32_t k : joints_of(tree)) {
@@ -627,7 +627,7 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     const Joint& j = joints_[k];
     const int n = block.rigid_rows;
     const RowVector now = speeds(block);
-    if (has_changed_places)
+    if (has_changed_segments)
       out.head(n) = (block.solved_speeds - now).head(n);
     else if (stage == Stage::kSolve)
       out.head(n) = (block.target_error - rigid_error(j, block.held_frame_a, block.held_anchor_b,
@@ -637,10 +637,11 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     else
       out.head(n) = -now.head(n);
     if (j.has_coordinate()) {
-      if (AxisLaw::is_held(block.place))
-        out[kAxis] = block.law.held_speed(block.place) - now[kAxis];
+      if (AxisLaw::is_held(block.segment))
+        out[kAxis] = block.law.held_speed(block.segment) - now[kAxis];
       else if (block.law.slope() > 0.0)
-        out[kAxis] = (block.law.offset(block.place) - block.impulse[kAxis]) / block.law.slope() - now[kAxis];
+        out[kAxis] =
+            (block.law.offset(block.segment) - block.impulse[kAxis]) / block.law.slope() - now[kAxis];
     }
     greatest = std::max(greatest, out.cwiseAbs().maxCoeff());
   }

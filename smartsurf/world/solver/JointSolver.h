@@ -2,8 +2,8 @@
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
 // (scene/JointSpec.h). All rows of the bodies that joints connect with each other, a tree, are solved at once
-// (JointEquations.h); threads share the trees. What acts along an axis is an AxisLaw; the places of the axes
-// are those at which the solution obeys all laws, beginning with those of the last substep.
+// (JointEquations.h); threads share the trees. What acts along an axis is an AxisLaw; the segments of the
+// axes are those at which the solution obeys all laws, beginning with those of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
 // end, on the curved path of the bodies; relax() removes the velocity across the constraints at its end. This
@@ -161,7 +161,7 @@ class JointSolver {
     int rigid_rows = 0;  // the first ones; the last one of all is the axis, if the joint has a coordinate
     RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
     RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
-    RowVector solved_speeds = RowVector::Zero();  // before the places of axes changed
+    RowVector solved_speeds = RowVector::Zero();  // before the segments of axes changed
     RowVector error = RowVector::Zero();          // of the rigid rows
     // The frame of a and the anchor of b that the part holds together, and what is to be left of their error.
     Quatd held_frame_a{1, 0, 0, 0};
@@ -173,7 +173,7 @@ class JointSolver {
     double spring_impulse = 0.0;  // likewise; within solve() that at speed 0
     double spring_at_rest = 0.0;  // of the part, at speed 0
     AxisLaw law;
-    int place = 0;                  // in the law
+    int segment = 0;                // in the law
     std::uint8_t kept_held_by = 0;  // of the joint, before the part
     // The axis's compliance when its tree was factored; negative: it had no row.
     double factored_compliance = -1.0;
@@ -247,8 +247,8 @@ class JointSolver {
   void set_law(Joint&, Block&, Stage, double h_s, double spring, double slope);
   void set_law_of_part(Joint&, Block&, double h_s);
   void set_springs_at_start(const BodyStore&, const Rows&, const Substep&, IndexRange trees);
-  void set_place(Block&, int place);
-  bool change_places(const JointEquations::Tree&, bool all);
+  void set_segment(Block&, int segment);
+  bool change_segments(const JointEquations::Tree&, bool all);
   static double axis_compliance(const Block&, double relative);
   bool is_too_long(const JointEquations::Tree&, const TreeState&) const;
   // Finds the impulses with which the selected trees obey their joints at the end of their parts.
@@ -266,7 +266,7 @@ class JointSolver {
   void note_springs(IndexRange trees);
   void add_efforts(IndexRange trees, double sign);
   IndexRange all_trees() const { return {0, static_cast<int>(tree_states_.size())}; }
-  double set_residuals(const JointEquations::Tree&, Stage, double h_s, bool has_changed_places);
+  double set_residuals(const JointEquations::Tree&, Stage, double h_s, bool has_changed_segments);
   bool is_factored(std::int32_t tree) const;
   void factor(std::int32_t tree);
   void predict(IndexRange trees);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "common/index/UnionFind.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
@@ -91,15 +92,11 @@ void TipSolver::find_islands() {
   const auto tip_count = static_cast<std::int32_t>(tips_.size());
   tip_parent_.resize(tips_.size());
   std::iota(tip_parent_.begin(), tip_parent_.end(), 0);
-  const auto root_of = [this](std::int32_t tip) {
-    while (tip_parent_[tip] != tip) tip = tip_parent_[tip] = tip_parent_[tip_parent_[tip]];
-    return tip;
-  };
   for (const Point& p : points_) {
     if (p.body >= std::ssize(tip_of_body_)) tip_of_body_.resize(p.body + 1, -1);
     std::int32_t& first = tip_of_body_[p.body];
     if (first < 0) first = p.tip;
-    const std::int32_t a = root_of(first), b = root_of(p.tip);
+    const std::int32_t a = common::find_root(tip_parent_, first), b = common::find_root(tip_parent_, p.tip);
     tip_parent_[std::max(a, b)] = std::min(a, b);
   }
   for (const Point& p : points_) tip_of_body_[p.body] = -1;
@@ -107,7 +104,7 @@ void TipSolver::find_islands() {
   island_of_tip_.resize(tips_.size());
   tip_order_.resize(tips_.size());
   for (std::int32_t t = 0; t < tip_count; ++t) {
-    const std::int32_t root = root_of(t);
+    const std::int32_t root = common::find_root(tip_parent_, t);
     if (root == t) {
       island_of_tip_[t] = static_cast<std::int32_t>(islands_.size());
       islands_.push_back({0, 0});

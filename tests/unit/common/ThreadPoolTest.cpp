@@ -142,14 +142,14 @@ TEST(ThreadPool, OneWithoutLeastCostAlwaysShares) {
 namespace {
 
 constexpr std::int64_t kMillisecond = 1'000'000;
-const auto never = [] { return false; };  // crowded
+const auto never = [] { return false; };  // oversubscribed
 
 // A caller that works alone until the budget allows to share, in jobs of 1 ms. Returns when, in ms.
 std::int64_t time_until_allowed(LossBudget& budget, std::int64_t now_ns,
                                 std::int64_t cpu_ns_of_job = kMillisecond) {
   std::int64_t ms = 0;
   for (; ms < 10'000 && !budget.allows(now_ns + ms * kMillisecond, never); ++ms)
-    budget.watch_alone(kMillisecond, cpu_ns_of_job);
+    budget.record_serial(kMillisecond, cpu_ns_of_job);
   return ms;
 }
 
@@ -166,17 +166,18 @@ TEST(LossBudget, SharesOnceTheCallerIsUndisturbed) {
 
 // Other programs come and go, or the caller may use cores that they do not.
 TEST(LossBudget, LooksAgainForAWhileWhereOthersWantTheCores) {
-  for (const bool stays_crowded : {false, true}) {
+  for (const bool stays_oversubscribed : {false, true}) {
     LossBudget budget;
     std::int64_t ms = 0;
     for (int round = 0; round < 2; ++round) {
-      const std::int64_t begin_ms = ms, crowd_end_ms = begin_ms + (stays_crowded ? 100'000 : 1000);
+      const std::int64_t begin_ms = ms,
+                         oversubscribed_end_ms = begin_ms + (stays_oversubscribed ? 100'000 : 1000);
       int looks = 0;
       for (;; ++ms) {
-        if (budget.allows(ms * kMillisecond, [&] { return ++looks, ms < crowd_end_ms; })) break;
-        budget.watch_alone(kMillisecond, kMillisecond);
+        if (budget.allows(ms * kMillisecond, [&] { return ++looks, ms < oversubscribed_end_ms; })) break;
+        budget.record_serial(kMillisecond, kMillisecond);
       }
-      EXPECT_NEAR(ms - begin_ms, stays_crowded ? 8000 : 1000, 101);
+      EXPECT_NEAR(ms - begin_ms, stays_oversubscribed ? 8000 : 1000, 101);
       EXPECT_GT(looks, 10);
       EXPECT_LE(looks, (ms - begin_ms) / 50);
       budget.charge(kMillisecond, ms * kMillisecond);
@@ -189,7 +190,7 @@ TEST(LossBudget, LossesAreASmallShareOfTheTime) {
   std::int64_t now_ns = 0, lost_ns = 0;
   for (int job = 0; job < 20; ++job) {
     now_ns += kMillisecond * time_until_allowed(budget, now_ns);
-    EXPECT_LE(100 * lost_ns, LossBudget::kMostLossShare_percent * now_ns) << job;
+    EXPECT_LE(100 * lost_ns, LossBudget::kMaxLossShare_percent * now_ns) << job;
     const std::int64_t loss_ns = (1 + job % 5) * kMillisecond;
     lost_ns += loss_ns, now_ns += loss_ns;
     budget.charge(loss_ns, now_ns);
@@ -205,7 +206,7 @@ TEST(LossBudget, SpendsWhatJobsHaveGained) {
     ASSERT_TRUE(budget.allows(0, never));
   }
   budget.charge(-100 * kMillisecond, 0);
-  budget.charge(LossBudget::kMostCredit_ns, 0);  // no more than that is kept
+  budget.charge(LossBudget::kMaxCredit_ns, 0);  // no more than that is kept
   EXPECT_TRUE(budget.allows(0, never));
   budget.charge(kMillisecond, 0);
   EXPECT_FALSE(budget.allows(0, never));
@@ -214,17 +215,17 @@ TEST(LossBudget, SpendsWhatJobsHaveGained) {
 TEST(LossBudget, WaitsLongerAfterEachLossUntilJobsGain) {
   LossBudget budget;
   std::int64_t now_ns = kMillisecond * time_until_allowed(budget, 0);
-  const auto calm_after_loss = [&] {
+  const auto uncontended_after_loss = [&] {
     budget.charge(kMillisecond, now_ns);
     now_ns += 10'000 * kMillisecond;  // the pause is over
     const std::int64_t ms = time_until_allowed(budget, now_ns);
     now_ns += ms * kMillisecond;
     return ms;
   };
-  for (const std::int64_t ms : {50, 100, 200, 400, 400}) EXPECT_EQ(calm_after_loss(), ms);
-  budget.charge(-LossBudget::kMostCredit_ns, now_ns);
-  budget.charge(LossBudget::kMostCredit_ns, now_ns);
-  EXPECT_EQ(calm_after_loss(), 50);
+  for (const std::int64_t ms : {50, 100, 200, 400, 400}) EXPECT_EQ(uncontended_after_loss(), ms);
+  budget.charge(-LossBudget::kMaxCredit_ns, now_ns);
+  budget.charge(LossBudget::kMaxCredit_ns, now_ns);
+  EXPECT_EQ(uncontended_after_loss(), 50);
 }
 
 // A virtual machine loses a core to others for 2 % of the time or more, in bursts of milliseconds.
@@ -240,7 +241,7 @@ TEST(LossBudget, SharesWhereACoreIsStolenNowAndThen) {
       if (budget.allows(now_ns, never))
         budget.charge(stolen_ns - kMillisecond / 2, now_ns), ++shared;
       else
-        budget.watch_alone(kMillisecond + stolen_ns, kMillisecond);
+        budget.record_serial(kMillisecond + stolen_ns, kMillisecond);
     }
     EXPECT_GT(shared, 0.97 * jobs) << burst_ms;
   }
@@ -248,45 +249,45 @@ TEST(LossBudget, SharesWhereACoreIsStolenNowAndThen) {
 
 TEST(LossBudget, PausesForLessAfterAGain) {
   LossBudget budget;
-  const auto lose = [&] { budget.charge(LossBudget::kMostLoss_ns + kMillisecond, 0); };
+  const auto lose = [&] { budget.charge(LossBudget::kMaxLoss_ns + kMillisecond, 0); };
   const auto pause_ms = [&] {
     std::int64_t ms = 0;
     while (budget.is_pause(ms * kMillisecond)) ++ms;
     return ms;
   };
-  budget.charge(-LossBudget::kMostCredit_ns, 0), budget.charge(LossBudget::kMostCredit_ns, 0), lose();
+  budget.charge(-LossBudget::kMaxCredit_ns, 0), budget.charge(LossBudget::kMaxCredit_ns, 0), lose();
   EXPECT_EQ(pause_ms(), 15);
   lose();
   EXPECT_EQ(pause_ms(), 150);
 }
 
-TEST(LossBudget, WatchesFewJobs) {
+TEST(LossBudget, MeasuresFewJobs) {
   LossBudget budget;
-  int watched = 0, jobs = 0;
+  int measured = 0, jobs = 0;
   for (; jobs < 1000 && !budget.allows(0, never); ++jobs) {
-    if (budget.is_watch_due())
-      budget.watch_alone(kMillisecond / 2, kMillisecond / 2), ++watched;
+    if (budget.is_measurement_due())
+      budget.record_serial(kMillisecond / 2, kMillisecond / 2), ++measured;
     else
-      budget.pass_alone(kMillisecond / 2);
+      budget.record_unmeasured(kMillisecond / 2);
   }
   EXPECT_NEAR(jobs, 100, 9);  // 50 ms
-  EXPECT_EQ(watched, jobs / 9);
+  EXPECT_EQ(measured, jobs / 9);
 }
 
-TEST(LossBudget, WatchesFewerJobsWhileItLosesItsCore) {
+TEST(LossBudget, MeasuresFewerJobsWhileItLosesItsCore) {
   LossBudget budget;
-  const auto watched_in = [&budget](int jobs, std::int64_t cpu_ns) {
-    int watched = 0;
+  const auto measured_in = [&budget](int jobs, std::int64_t cpu_ns) {
+    int measured = 0;
     for (int job = 0; job < jobs; ++job)
-      if (budget.is_watch_due())
-        budget.watch_alone(kMillisecond, cpu_ns), ++watched;
+      if (budget.is_measurement_due())
+        budget.record_serial(kMillisecond, cpu_ns), ++measured;
       else
-        budget.pass_alone(kMillisecond);
-    return watched;
+        budget.record_unmeasured(kMillisecond);
+    return measured;
   };
-  EXPECT_LT(watched_in(10'000, kMillisecond / 2), 50);
+  EXPECT_LT(measured_in(10'000, kMillisecond / 2), 50);
   int jobs = 0;
-  for (; !budget.allows(0, never); ++jobs) watched_in(1, kMillisecond);
+  for (; !budget.allows(0, never); ++jobs) measured_in(1, kMillisecond);
   EXPECT_GE(jobs, 45);
   EXPECT_LE(jobs, 256 + 50);
 }

@@ -1,4 +1,4 @@
-// A body of unit mass on an axis: the place that next_place() leads to, whatever the first one, is where
+// A body of unit mass on an axis: the segment that next_segment() leads to, whatever the first one, is where
 // speed and impulse obey the law.
 #include "smartsurf/world/solver/AxisLaw.h"
 
@@ -62,18 +62,18 @@ TEST(AxisLaw, IsObeyedWhereItsPlacesLead) {
     const RandomLaw drawn(random);
     const AxisLaw law = drawn.law();
     const double start = std::uniform_real_distribution<double>(-2.0, 2.0)(random);
-    int place = law.place_of(static_cast<std::uint8_t>(1U << random() % 5), start);
+    int segment = law.segment_of(static_cast<std::uint8_t>(1U << random() % 5), start);
     double speed = 0.0;
     for (int round = 0;; ++round) {
       ASSERT_LT(round, 12);
-      if (AxisLaw::is_held(place))
-        speed = law.held_speed(place);
+      if (AxisLaw::is_held(segment))
+        speed = law.held_speed(segment);
       else
-        speed = (start + law.offset(place)) / (1.0 + law.slope());
+        speed = (start + law.offset(segment)) / (1.0 + law.slope());
       ASSERT_TRUE(std::isfinite(speed));
-      const int next = law.next_place(place, speed, speed - start, 1e-12, 1e-12);
-      if (next == place) break;
-      place = next;
+      const int next = law.next_segment(segment, speed, speed - start, 1e-12, 1e-12);
+      if (next == segment) break;
+      segment = next;
     }
     EXPECT_NEAR(speed, drawn.speed_after(start), 1e-9);
   }
