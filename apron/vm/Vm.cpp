@@ -30,8 +30,8 @@ std::uint64_t thread_time_ns() noexcept {
 }
 
 std::uint64_t max_tick_instructions(const program::Program& program) noexcept {
-  constexpr std::uint64_t kLeast = 500'000, kMost = 100'000'000, kCells = 200'000'000'000;
-  return std::clamp(kCells / program::max_register_cells(program), kLeast, kMost);
+  constexpr std::uint64_t kMin = 500'000, kMax = 100'000'000, kCells = 200'000'000'000;
+  return std::clamp(kCells / program::max_register_cells(program), kMin, kMax);
 }
 
 }  // namespace

@@ -8,12 +8,12 @@
 namespace common {
 namespace {
 
-constexpr double kLeastShare = 64.0 * std::numeric_limits<double>::epsilon();
-constexpr double kLeastRange = 1e-300, kLargest = 1e300;
+constexpr double kMinShare = 64.0 * std::numeric_limits<double>::epsilon();
+constexpr double kMinRange = 1e-300, kLargest = 1e300;
 
 bool is_resolvable(const AxisRange& range) {
   return range.high - range.low >=
-         std::max(kLeastShare * std::max(std::abs(range.low), std::abs(range.high)), kLeastRange);
+         std::max(kMinShare * std::max(std::abs(range.low), std::abs(range.high)), kMinRange);
 }
 
 }  // namespace
@@ -23,7 +23,7 @@ AxisRange resolvable(AxisRange range) {
   range = {std::clamp(range.low, -kLargest, kLargest), std::clamp(range.high, -kLargest, kLargest)};
   if (is_resolvable(range)) return range;
   const double middle = range.low / 2.0 + range.high / 2.0;
-  const double half = std::max(kLeastShare * std::abs(middle), kLeastRange);
+  const double half = std::max(kMinShare * std::abs(middle), kMinRange);
   return {middle - half, middle + half};
 }
 

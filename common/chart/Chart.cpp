@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kTickLength = 4.0, kTickLabelSize = 11.0, kTitleSize = 13.0;
 
-constexpr double kLeastTextScale = 0.7;
+constexpr double kMinTextScale = 0.7;
 
 bool is_continuation(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }  // of UTF-8
 
@@ -107,7 +107,7 @@ void draw_text(cairo_t* cr, double x, double y, const std::string& whole_text, d
   cairo_text_extents_t extents;
   cairo_text_extents(cr, text.c_str(), &extents);
   if (extents.x_advance > max_width) {
-    cairo_set_font_size(cr, size * std::max(max_width / extents.x_advance, kLeastTextScale));
+    cairo_set_font_size(cr, size * std::max(max_width / extents.x_advance, kMinTextScale));
     cairo_text_extents(cr, text.c_str(), &extents);
     for (std::size_t kept = text.size(); kept > 0 && extents.x_advance > 1.001 * max_width;) {
       do --kept;

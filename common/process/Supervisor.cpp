@@ -35,7 +35,7 @@ constexpr auto kLongest = 5s;    // a process that waits for a broken disk canno
 constexpr timespec kPollOfEnd{0, 10'000'000}, kPoll{0, 100'000'000};
 // Counted, not timed: a machine that was suspended, or too busy for this process, has not looked meanwhile.
 constexpr int kPollsBetweenLooks = 10, kLooksWithoutWork = 10;
-constexpr long kMostWorkWithoutData_s = 60;
+constexpr long kMaxWorkWithoutData_s = 60;
 constexpr int kCannotStart = 2;
 
 // A process or thread, by its file `stat`.
@@ -170,7 +170,7 @@ class Supervisor {
     }
     looks_without_work_ = work->ticks == last_->ticks ? looks_without_work_ + 1 : 0;
     last_ = work;
-    const auto most = static_cast<std::uint64_t>(kMostWorkWithoutData_s * sysconf(_SC_CLK_TCK));
+    const auto most = static_cast<std::uint64_t>(kMaxWorkWithoutData_s * sysconf(_SC_CLK_TCK));
     if (looks_without_work_ >= kLooksWithoutWork || work->ticks > at_data_->ticks + most) status_ = kStalled;
   }
 

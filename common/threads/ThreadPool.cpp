@@ -137,7 +137,7 @@ bool ThreadPool::all_come(std::uint32_t round) noexcept {
     for (; claim != all; claim = claim_.load(std::memory_order_acquire)) wait_while(claim_, claim);
     return true;
   }
-  if (spin_until([&] { return claim_.load(std::memory_order_acquire) == all; }, kMostDelay)) return true;
+  if (spin_until([&] { return claim_.load(std::memory_order_acquire) == all; }, kMaxDelay)) return true;
   claim = claim_.load(std::memory_order_acquire);
   while (claim != all)
     if (claim_.compare_exchange_weak(claim, std::uint64_t{round} << 32U, std::memory_order_acq_rel)) {

@@ -27,14 +27,14 @@ inline void spin_pause() noexcept {
 inline thread_local std::int64_t spins_of_this_thread = 0;
 
 // How a thread waits for another that works on the same job: it looks again and again, for longer than most
-// waits take. Returns false after kMostSpin: then the other thread has no core, and this one had better
+// waits take. Returns false after kMaxSpin: then the other thread has no core, and this one had better
 // sleep. It does not yield its core in between: where other programs keep the cores busy, it would get it
 // back milliseconds later. The first checks have no pause between them: a pause takes longer than a cache
 // line takes from core to core.
 inline constexpr int kChecksBeforePause = 16, kSpinsPerLook = 64;
-inline constexpr std::chrono::microseconds kMostSpin{200};
+inline constexpr std::chrono::microseconds kMaxSpin{200};
 template <class Reached>
-bool spin_until(const Reached& reached, std::chrono::nanoseconds most = kMostSpin) noexcept {
+bool spin_until(const Reached& reached, std::chrono::nanoseconds most = kMaxSpin) noexcept {
   for (int check = 0; check < kChecksBeforePause; ++check)
     if (reached()) return true;
   std::chrono::steady_clock::time_point begin;
@@ -71,7 +71,7 @@ class ThreadPool {
   // other; or calls alone() on the caller where that is faster, because other programs keep the cores busy.
   // Returns whether the job was shared. It changes no result.
   //
-  // A job is shared only if all threads come within kMostDelay of its start, so that the caller never waits
+  // A job is shared only if all threads come within kMaxDelay of its start, so that the caller never waits
   // for one that has no core then. A thread may still lose its core within a job: see LossBudget. Threads
   // that wait inside a job count their spins in spins_of_this_thread, so that waiting is not taken for work.
   //
@@ -135,8 +135,8 @@ class ThreadPool {
  private:
   // In `claim_`, beside the number of threads that have not come yet.
   static constexpr std::uint32_t kEveryThread = 0x8000'0000;
-  static constexpr std::chrono::microseconds kMostDelay{100};  // of a thread, at the start of a job
-  static constexpr std::int64_t kWorkAlone_percent = 85;       // of the work of all threads
+  static constexpr std::chrono::microseconds kMaxDelay{100};  // of a thread, at the start of a job
+  static constexpr std::int64_t kWorkAlone_percent = 85;      // of the work of all threads
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;

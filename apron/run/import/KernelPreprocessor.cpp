@@ -15,7 +15,7 @@ using Kind = KernelTokenKind;
 namespace {
 
 constexpr std::size_t kMaxDepth = 100;
-constexpr std::size_t kMostExpanded = 300'000;  // tokens of macros, in all expansions
+constexpr std::size_t kMaxExpanded = 300'000;  // tokens of macros, in all expansions
 constexpr std::size_t kMaxTokens = 1'000'000;
 
 // The value of the condition of an #if, whose macros are expanded: unknown names are 0.
@@ -33,8 +33,8 @@ class ConditionParser {
   // The value of parse(), or 0 of what is nested too deeply for the stack.
   template <class Parse>
   double nested(const Parse& parse) {
-    constexpr int kMostNesting = 200;
-    if (depth_ == kMostNesting) {
+    constexpr int kMaxNesting = 200;
+    if (depth_ == kMaxNesting) {
       is_too_deep_ = true;
       return 0.0;
     }
@@ -316,11 +316,11 @@ void KernelPreprocessor::expand(const KernelTokenList& in, std::size_t& i, const
                                 KernelTokenList& out) {
   const KernelToken& token = in[i++];
   const auto found = token.kind == Kind::kName ? macros_.find(token.text) : macros_.end();
-  const bool is_too_much = hidden.size() > kMaxDepth || expanded_ > kMostExpanded;
+  const bool is_too_much = hidden.size() > kMaxDepth || expanded_ > kMaxExpanded;
   if (found == macros_.end() || hidden.contains(token.text) || is_too_much) {
     if (found != macros_.end() && is_too_much)
       refuse(token, fmt::format("macros are nested more than {} deep or expand to more than {} words",
-                                kMaxDepth, kMostExpanded));
+                                kMaxDepth, kMaxExpanded));
     out.push_back(token);
     return;
   }
@@ -383,9 +383,9 @@ KernelTokenList KernelPreprocessor::substitute(const Macro& macro,
       words = is_pasted ? *argument : expand_all(*argument, hidden);
       if (!is_pasted && makes_words(macro)) words = without_names(words);
     }
-    if ((expanded_ += words.size()) > kMostExpanded) {
+    if ((expanded_ += words.size()) > kMaxExpanded) {
       refuse(call, fmt::format("macros are nested more than {} deep or expand to more than {} words",
-                               kMaxDepth, kMostExpanded));
+                               kMaxDepth, kMaxExpanded));
       break;
     }
     for (KernelToken& part : words) {

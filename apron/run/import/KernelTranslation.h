@@ -36,7 +36,7 @@ template <class... Arguments>
 class Nesting {
  public:
   Nesting(std::size_t& depth, const char* what) : depth_(depth) {
-    if (depth_ >= kMost) give_up("{} is nested too deeply", what);
+    if (depth_ >= kMax) give_up("{} is nested too deeply", what);
     ++depth_;
   }
   ~Nesting() { --depth_; }
@@ -44,7 +44,7 @@ class Nesting {
   Nesting& operator=(const Nesting&) = delete;
 
  private:
-  static constexpr std::size_t kMost = 400;
+  static constexpr std::size_t kMax = 400;
   std::size_t& depth_;
 };
 

@@ -150,22 +150,20 @@ void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
   with_cell_type(a.type, [&](auto cell) {
     using T = decltype(cell);
     using Limits = std::numeric_limits<T>;
-    constexpr T kLeast = Limits::has_infinity ? -Limits::infinity() : Limits::lowest();
-    write_accumulated<T>(y, kLeast,
-                         [&](T largest, std::uint32_t row, std::uint32_t first, std::uint32_t last) {
-                           const T* cells = a.cells<T>(row);
-                           constexpr std::uint32_t kLong = 32;
-                           if constexpr (std::is_floating_point_v<T>) {
-                             if (last - first >= kLong) {
-                               T of_run = kLeast;
-                               reduction(cells + first, 0, 1, last - first, &of_run);
-                               return std::max(largest, of_run + T{0});
-                             }
-                           }
-                           for (std::uint32_t x = first; x < last; ++x)
-                             largest = cells[x] > largest ? cells[x] : largest;
-                           return static_cast<T>(largest + T{0});  // 0 of -0
-                         });
+    constexpr T kMin = Limits::has_infinity ? -Limits::infinity() : Limits::lowest();
+    write_accumulated<T>(y, kMin, [&](T largest, std::uint32_t row, std::uint32_t first, std::uint32_t last) {
+      const T* cells = a.cells<T>(row);
+      constexpr std::uint32_t kLong = 32;
+      if constexpr (std::is_floating_point_v<T>) {
+        if (last - first >= kLong) {
+          T of_run = kMin;
+          reduction(cells + first, 0, 1, last - first, &of_run);
+          return std::max(largest, of_run + T{0});
+        }
+      }
+      for (std::uint32_t x = first; x < last; ++x) largest = cells[x] > largest ? cells[x] : largest;
+      return static_cast<T>(largest + T{0});  // 0 of -0
+    });
   });
 }
 

@@ -167,7 +167,7 @@ HWY_INLINE void reduce_large(R x, W* quadrant, W* r) {
 
 // Long functions are computed in passes over some columns, whose iterations are short enough for the CPU to
 // overlap several. A pass replaces what the earlier ones have kept of each cell.
-constexpr std::size_t kColumnsOfPass = 256, kMostKept = 4;
+constexpr std::size_t kColumnsOfPass = 256, kMaxKept = 4;
 
 template <class Function>
 struct Passes {};  // how many floats of a cell each pass keeps, the passes and the end
@@ -266,7 +266,7 @@ template <class Function, unsigned kScalars, bool kMasked>
 void run_in_passes(const Block& block) noexcept {
   using Its = Passes<Function>;
   constexpr unsigned kRegisters = ((1U << Function::kArity) - 1U) & ~kScalars;
-  HWY_ALIGN float kept_cells[kMostKept][kColumnsOfPass];
+  HWY_ALIGN float kept_cells[kMaxKept][kColumnsOfPass];
   const D d;
   const std::size_t lanes = hn::Lanes(d);
   const R scalar_a = constant(block.scalar[0]), scalar_b = constant(block.scalar[1]);
@@ -286,7 +286,7 @@ void run_in_passes(const Block& block) noexcept {
       };
       const auto pass = [&](std::size_t k, std::size_t kept_before, std::size_t kept_after) HWY_ATTR {
         for (std::size_t x = 0; x < columns; x += lanes) {
-          R kept[kMostKept] = {};
+          R kept[kMaxKept] = {};
           load(x, kept_before, kept);
           Its::pass(k, a(x), b(x), kept);
           for (std::size_t i = 0; i < kept_after; ++i) hn::Store(kept[i].v, d, &kept_cells[i][x]);
@@ -295,7 +295,7 @@ void run_in_passes(const Block& block) noexcept {
       pass(0, 0, Its::kKept[0]);
       if constexpr (std::size(Its::kKept) > 1) pass(1, Its::kKept[0], Its::kKept[1]);
       for (std::size_t x = 0; x < columns; x += lanes) {
-        R kept[kMostKept] = {};
+        R kept[kMaxKept] = {};
         load(x, Its::kKept[0], kept);
         V value = Its::end(a(x), b(x), kept).v;
         if constexpr (kMasked) {

@@ -13,9 +13,9 @@ namespace {
 
 constexpr const char* kFormat = "smartsurf calibration 1";
 constexpr const char* kStateNames[] = {"good", "stuck", "dead"};
-constexpr std::size_t kMostBytes = std::size_t{1} << 28;
+constexpr std::size_t kMaxBytes = std::size_t{1} << 28;
 // Of values and errors in a file.
-constexpr double kMostValue = 1e6, kLeastSlope = 0.1;
+constexpr double kMaxValue = 1e6, kMinSlope = 0.1;
 // May not be more than the range of the actuator.
 constexpr CellFit::Parameter kLengths[] = {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero};
 
@@ -112,10 +112,10 @@ const toml::table& section_of(const TomlReader& reader, const toml::table& file,
 bool is_usable(const CellFit& fit, double range) {
   for (std::size_t p = 0; p < CellFit::kCount; ++p) {
     const double v = fit.value[p], error = fit.error[p];
-    if (!(std::abs(v) <= kMostValue) || !(error >= 0 && error <= kMostValue)) return false;
+    if (!(std::abs(v) <= kMaxValue) || !(error >= 0 && error <= kMaxValue)) return false;
     if (v < 0 && !may_be_negative(p)) return false;
   }
-  return std::abs(fit.value[CellFit::kSlope]) >= kLeastSlope &&
+  return std::abs(fit.value[CellFit::kSlope]) >= kMinSlope &&
          std::ranges::all_of(kLengths, [&](auto p) { return std::abs(fit.value[p]) <= range; });
 }
 
@@ -123,7 +123,7 @@ Calibration Calibration::read(const std::filesystem::path& path) {
   Calibration c;
   c.file = path.string();
   const TomlReader reader(c.file);
-  const toml::table file = reader.parse(kMostBytes);
+  const toml::table file = reader.parse(kMaxBytes);
   for (const auto& [key, node] : file) c.lines[std::string(key.str())] = key.source().begin.line;
   if (reader.need<std::string>(file, "", "format", "\"smartsurf calibration 1\"") != kFormat)
     reader.fail(TomlReader::line_of(*file.get("format")), std::string("format must be \"") + kFormat + "\"");
@@ -160,15 +160,15 @@ Calibration Calibration::read(const std::filesystem::path& path) {
     const std::string where = std::string(kCellParameters[p].name) + ": ";
     const toml::table& section = section_of(reader, file, kCellParameters[p].name);
     reader.allow(section, where, {"value", "error"});
-    read_map(reader, section, where, "value", c, kMostValue,
+    read_map(reader, section, where, "value", c, kMaxValue,
              [&](std::size_t cell, double v, std::size_t line) {
-               if (p == CellFit::kSlope && std::abs(v) < kLeastSlope)
+               if (p == CellFit::kSlope && std::abs(v) < kMinSlope)
                  reader.fail(line, "slope: " + number(v) + " must be at least 0.1, or at most -0.1");
                if (v < 0 && !may_be_negative(p))
                  reader.fail(line, where + number(v) + " must not be negative");
                c.fits[cell].value[p] = v;
              });
-    read_map(reader, section, where, "error", c, kMostValue,
+    read_map(reader, section, where, "error", c, kMaxValue,
              [&](std::size_t cell, double v, std::size_t line) {
                if (v < 0) reader.fail(line, where + "error " + number(v) + " must not be negative");
                c.fits[cell].error[p] = v;

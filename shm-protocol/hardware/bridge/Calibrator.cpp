@@ -13,13 +13,13 @@ namespace {
 constexpr double kLowest = 0.15, kHighest = 0.85, kBelow = 0.05;  // of the range
 constexpr int kSteps = 6, kShortSteps = 64;
 constexpr double kShortStep = 0.04;
-constexpr int kTail = 16;                            // ticks after the plan, for late frames
-constexpr std::int64_t kMostGap = SSD_PATIENCE / 2;  // periods; safe values come into effect after twice that
+constexpr int kTail = 16;                           // ticks after the plan, for late frames
+constexpr std::int64_t kMaxGap = SSD_PATIENCE / 2;  // periods; safe values come into effect after twice that
 constexpr std::size_t kRestSamples = 200;
-constexpr std::int64_t kMostSettling_s = 120, kMostDisturbed_s = 10;
-constexpr double kSure = 6;             // standard errors
-constexpr int kLongestHold = 50;        // of a level, in times --hold
-constexpr std::size_t kMostLength = 4;  // of a recording with its repeats, in plans
+constexpr std::int64_t kMaxSettling_s = 120, kMaxDisturbed_s = 10;
+constexpr double kSure = 6;            // standard errors
+constexpr int kLongestHold = 50;       // of a level, in times --hold
+constexpr std::size_t kMaxLength = 4;  // of a recording with its repeats, in plans
 
 const BoardChannel* channel_of(const MountedBoard& board, std::size_t table_channel) {
   for (const BoardChannel& c : board.channels)
@@ -140,13 +140,13 @@ void Calibrator::begin(const TableTick& tick) {
     const DeviceChannel& y = mounted_[i].device->channels[sense->device_channel];
     r.drive = u;
     r.resolution = y.dtype == SSW_F32 ? 0 : static_cast<double>(y.scale);
-    const std::size_t ticks = kMostLength * (plan_.size() + kTail);
+    const std::size_t ticks = kMaxLength * (plan_.size() + kTail);
     r.valid.reserve(ticks);
     r.in_force.reserve(ticks);
     r.readings.reserve(ticks * mounted_[i].cells.size());
     r.at_rest.reserve(kRestSamples * mounted_[i].cells.size());
   }
-  commands_.reserve(kMostLength * (plan_.size() + kTail));
+  commands_.reserve(kMaxLength * (plan_.size() + kTail));
   enter(options_.rest ? Phase::kRest : Phase::kApproach, tick);
 }
 
@@ -174,19 +174,19 @@ double Calibrator::command_of(std::int64_t tick) const {
 
 // Why commands or readings since the last tick are not known; "": they are.
 std::string Calibrator::disturbance(const TableTick& tick) const {
-  if (tick.tick - last_tick_ >= kMostGap) return "the host was suspended, or too busy";
+  if (tick.tick - last_tick_ >= kMaxGap) return "the host was suspended, or too busy";
   for (std::size_t i = 0; i < records_.size(); ++i) {
     const BoardRecord& r = records_[i];
     const Board& board = *tick.boards[i];
     const auto says = [&](const char* what) { return "board '" + board.title() + "' " + what; };
     if (!r.begun) continue;
-    if (board.silent() || board.counters().silences != r.silences || tick.board_age[i] >= kMostGap)
+    if (board.silent() || board.counters().silences != r.silences || tick.board_age[i] >= kMaxGap)
       return says("was silent");
     if ((board.flags() & SSW_SAFE) != 0) return says("applied its safe values");
     if (tick.board_age[i] != 0) continue;
     if (!board.in_force_since(board.frame_tick())) return says("got no answers");
     const std::int64_t passed = board.frame_tick() - r.last_tick;
-    if (std::abs(passed - (tick.tick - r.last_table_tick)) >= kMostGap) return says("lost its time");
+    if (std::abs(passed - (tick.tick - r.last_table_tick)) >= kMaxGap) return says("lost its time");
   }
   return "";
 }
@@ -299,11 +299,11 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
   const std::string why = disturbance(tick);
   note_in_force(tick, !why.empty() || phase_ == Phase::kDown);
   if (!why.empty()) last_disturbance_ = why;
-  if (why.empty() || elapsed >= kMostGap) last_good_ = tick.tick;
-  if ((tick.tick - last_good_) * spec_.period_us > kMostDisturbed_s * 1'000'000)
-    failure_ = why + " for " + std::to_string(kMostDisturbed_s) + " s; calibrate again";
-  if (phase_ > Phase::kSettle) spent_ += std::min(elapsed, kMostGap);
-  if (spent_ > static_cast<std::int64_t>(kMostLength * plan_.size()))
+  if (why.empty() || elapsed >= kMaxGap) last_good_ = tick.tick;
+  if ((tick.tick - last_good_) * spec_.period_us > kMaxDisturbed_s * 1'000'000)
+    failure_ = why + " for " + std::to_string(kMaxDisturbed_s) + " s; calibrate again";
+  if (phase_ > Phase::kSettle) spent_ += std::min(elapsed, kMaxGap);
+  if (spent_ > static_cast<std::int64_t>(kMaxLength * plan_.size()))
     failure_ = "parts were repeated " + std::to_string(repeats_) + " times, the last one because " +
                last_disturbance_ + "; calibrate again when the host is less busy and the lines are sound";
   if (!failure_.empty()) return Answer::kEnd;
@@ -322,8 +322,8 @@ TableDriver::Answer Calibrator::drive(TableTick tick) {
               : phase_ == Phase::kDown   ? Phase::kUp
                                          : Phase::kPlan,
               tick);
-      } else if ((tick.tick - phase_began_) * spec_.period_us > kMostSettling_s * 1'000'000) {
-        failure_ = "the cells do not come to rest within " + std::to_string(kMostSettling_s) + " s: " +
+      } else if ((tick.tick - phase_began_) * spec_.period_us > kMaxSettling_s * 1'000'000) {
+        failure_ = "the cells do not come to rest within " + std::to_string(kMaxSettling_s) + " s: " +
                    (last_disturbance_.empty() ? "a limit of a board holds them back" : last_disturbance_);
         return Answer::kEnd;
       }

@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr std::size_t kMaxAnswer = std::size_t{1} << 16, kMostClients = 16;
+constexpr std::size_t kMaxAnswer = std::size_t{1} << 16, kMaxClients = 16;
 
 struct Address {
   sockaddr_un at{};
@@ -117,7 +117,7 @@ ControlSocket::~ControlSocket() {
 
 void ControlSocket::serve(const std::function<std::string(const std::string&)>& answer) {
   // Bounded: a client that keeps connecting holds up no tick.
-  for (std::size_t i = 0; i < kMostClients; ++i) {
+  for (std::size_t i = 0; i < kMaxClients; ++i) {
     const int client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (client < 0) break;
     if (!is_trusted(client)) {
@@ -125,7 +125,7 @@ void ControlSocket::serve(const std::function<std::string(const std::string&)>& 
       continue;
     }
     // Clients that ask nothing must not keep an emergency stop out.
-    if (clients_.size() == kMostClients) {
+    if (clients_.size() == kMaxClients) {
       ::close(clients_.front());
       clients_.erase(clients_.begin());
     }

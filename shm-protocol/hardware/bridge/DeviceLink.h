@@ -17,7 +17,7 @@
 namespace hardware {
 
 // A frame that is ahead of the last one by more comes from a device whose ticks have restarted.
-constexpr std::uint32_t kMostLostTicks = 1u << 30;
+constexpr std::uint32_t kMaxLostTicks = 1u << 30;
 
 struct DeviceChannel {
   std::string name, unit;

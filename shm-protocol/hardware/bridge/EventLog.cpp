@@ -7,7 +7,7 @@ namespace hardware {
 namespace {
 
 constexpr std::chrono::seconds kInterval{1};
-constexpr std::uint64_t kMostReports = 8;  // in an interval
+constexpr std::uint64_t kMaxReports = 8;  // in an interval
 
 }  // namespace
 
@@ -43,7 +43,7 @@ void EventLog::add_report(const std::string& text, Clock::time_point now) {
     reports_since_ = now;
     reports_ = 0;
   }
-  if (reports_++ < kMostReports)
+  if (reports_++ < kMaxReports)
     add(text, now);
   else
     ++left_out_;

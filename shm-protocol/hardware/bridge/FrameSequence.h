@@ -23,12 +23,12 @@ class FrameSequence {
   std::optional<Step> next(const SensorFrame& frame, std::int64_t now_us, std::int64_t silence_us) {
     // The device counts ticks and missed deadlines up, from the start on.
     const std::uint32_t ticks = frame.tick - tick_, missed = frame.missed - missed_;
-    const bool fewer_missed = missed > kMostLostTicks, was_silent = now_us - heard_us_ > silence_us;
+    const bool fewer_missed = missed > kMaxLostTicks, was_silent = now_us - heard_us_ > silence_us;
     heard_us_ = now_us;
     Step step;
     if (known_) {
       if (ticks == 0 && !fewer_missed && !was_silent) return std::nullopt;
-      step.restarted = ticks == 0 || ticks > kMostLostTicks || fewer_missed;
+      step.restarted = ticks == 0 || ticks > kMaxLostTicks || fewer_missed;
       if (!step.restarted) step = {ticks, std::min(missed, ticks), false};
     }
     tick_ = frame.tick;

@@ -29,7 +29,7 @@ constexpr double kLatestClosing = 0.4;   // of the period
 enum OwnChannel { kTick, kDeviceTime, kOffset, kAge, kValid, kInForce, kFlags, kHeldBack, kOwnChannels };
 constexpr const char* kBoardChannels[kOwnChannels] = {"tick",  "device_us", "offset_us", "age",
                                                       "valid", "in_force",  "flags",     "limited"};
-constexpr std::size_t kMostLimitedName = 18;  // so that "acceleration." and a name are the name of a channel
+constexpr std::size_t kMaxLimitedName = 18;  // so that "acceleration." and a name are the name of a channel
 constexpr const char* kLimits[] = {"slew", "acceleration", "soft_start", "most_moving"};
 
 double cpu_seconds() {
@@ -196,7 +196,7 @@ void TableBridge::create_surface() {
   }
   for (std::size_t i = 0; i < map_.channels().size(); ++i) {
     const TableChannel& c = map_.channels()[i];
-    if (c.sensor || c.name.size() > kMostLimitedName ||
+    if (c.sensor || c.name.size() > kMaxLimitedName ||
         of_boards.channels.size() + std::size(kLimits) > SSP_MAX_CHANNELS)
       continue;
     shown_limits_.push_back(i);

@@ -9,7 +9,7 @@
 namespace hardware {
 namespace {
 
-constexpr std::uint64_t kMostCells = std::uint64_t{1} << 24;
+constexpr std::uint64_t kMaxCells = std::uint64_t{1} << 24;
 
 struct Place {
   std::uint32_t row, column;
@@ -172,7 +172,7 @@ void TableMap::require_same(std::size_t index, const DeviceDescription& d) const
 void TableMap::enclose(const MountedBoard& board) {
   rows_ = std::max(rows_, board.row + board.rows);
   columns_ = std::max(columns_, board.column + board.columns);
-  if (std::uint64_t{rows_} * columns_ > kMostCells)
+  if (std::uint64_t{rows_} * columns_ > kMaxCells)
     throw std::invalid_argument(spec_.file + ": a table of " + std::to_string(rows_) + " rows of " +
                                 std::to_string(columns_) + " cells is too large");
 }

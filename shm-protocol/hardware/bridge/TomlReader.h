@@ -98,7 +98,7 @@ class TomlReader {
   }
 
  private:
-  static constexpr int kMostParts = 100;
+  static constexpr int kMaxParts = 100;
 
   std::string read_text() const {
     std::ifstream file(file_, std::ios::binary);
@@ -112,8 +112,8 @@ class TomlReader {
     int dots = 0;
     char before = '\n';
     for (const char c : text) {
-      if (c == '.' && ++dots == kMostParts)
-        fail(line, "more than " + std::to_string(kMostParts) + " dots in one key or text");
+      if (c == '.' && ++dots == kMaxParts)
+        fail(line, "more than " + std::to_string(kMaxParts) + " dots in one key or text");
       if (std::string_view(",=[]{}\n").find(c) != std::string_view::npos || (c == '.' && before == '.'))
         dots = 0;
       if (c == '\n') ++line;

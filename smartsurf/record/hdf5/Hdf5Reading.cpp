@@ -60,10 +60,10 @@ hsize_t stored_bytes(hid_t dataset) {
 
 void require_stored(hid_t dataset, hsize_t count, const std::string& name) {
   // Deflate compresses at most about 1030:1. A chunk that was never written stores nothing.
-  constexpr hsize_t kMostExpansion = 1100, kFreeEntries = 65536;
+  constexpr hsize_t kMaxExpansion = 1100, kFreeEntries = 65536;
   const Handle type(H5Dget_type(dataset), H5Tclose, name);
   const hsize_t entry_bytes = std::max<hsize_t>(H5Tget_size(type), 1);
-  if (count > kFreeEntries && (count - kFreeEntries) / kMostExpansion > stored_bytes(dataset) / entry_bytes)
+  if (count > kFreeEntries && (count - kFreeEntries) / kMaxExpansion > stored_bytes(dataset) / entry_bytes)
     throw Hdf5Error("dataset " + name + " declares more entries than it can hold");
 }
 

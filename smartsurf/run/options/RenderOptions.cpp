@@ -18,7 +18,7 @@ std::size_t index_of(const std::vector<std::string>& names, const std::string& n
 const std::vector<std::string> kStages(view::kStageNames.begin(), view::kStageNames.end());
 const std::vector<std::string> kQualities = {"auto", "high", "medium", "low", "final"};
 
-constexpr int kMostSamples = 16384;
+constexpr int kMaxSamples = 16384;
 constexpr int kMinEdge = 16, kMaxEdge = 8192;  // pixels
 
 common::PixelSize parse_pixel_size(const std::string& text) {
@@ -64,7 +64,7 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("U");
   app.add_option("--samples", flags.samples, "With --quality final: paths per pixel (default: 32)")
-      ->check(CLI::Range(1, kMostSamples))
+      ->check(CLI::Range(1, kMaxSamples))
       ->type_name("N");
   app.add_option("--trails", flags.trails_s, "Draw trails of the last SECONDS")
       ->check(CLI::Range(0.0, 1e6))

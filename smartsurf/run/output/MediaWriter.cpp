@@ -18,7 +18,7 @@ namespace {
 
 constexpr common::PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
 constexpr int kVideoFramesPerSecond = 30;
-constexpr unsigned kMostVideoThreads = 16;
+constexpr unsigned kMaxVideoThreads = 16;
 
 // The video format subsamples colours by 2 × 2, so both edges must be even.
 common::PixelSize video_size(const RenderOptions& render_options) {
@@ -39,7 +39,7 @@ std::unique_ptr<common::VideoEncoder> start_video(const std::string& file, const
 
 int video_threads(const RenderOptions& options) {
   if (options.view.detail == view::Detail::kFinal) return 1;
-  return static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMostVideoThreads));
+  return static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, kMaxVideoThreads));
 }
 
 MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, std::unique_ptr<common::VideoEncoder> video,

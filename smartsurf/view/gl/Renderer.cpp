@@ -23,8 +23,8 @@ struct FrameUniforms {
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 11 * 16);
 
-constexpr double kOcclusionReach = 2.5;       // radius, pitches
-constexpr float kMostOcclusionReach = 0.12f;  // radius, share of the picture's height
+constexpr double kOcclusionReach = 2.5;      // radius, pitches
+constexpr float kMaxOcclusionReach = 0.12f;  // radius, share of the picture's height
 
 // If a cell at the camera's target is narrower than this, its gaps may be painted (draw_closed_gaps).
 constexpr double kDistantCell_px = 24.0;
@@ -278,7 +278,7 @@ void Renderer::State::draw_occlusion(const Camera& camera, int width, int height
               static_cast<float>(projection(2, 3)));
   glUniform4f(glGetUniformLocation(program, "reach"), static_cast<float>(reach),
               static_cast<float>(reach * projection(1, 1) * height / 2.0),
-              kMostOcclusionReach * static_cast<float>(height), static_cast<float>(quality.supersample));
+              kMaxOcclusionReach * static_cast<float>(height), static_cast<float>(quality.supersample));
   glBindVertexArray(empty_vertex_array.id());
   glDrawArrays(GL_TRIANGLES, 0, 3);
 }

@@ -8,8 +8,8 @@ namespace smartsurf::view {
 namespace {
 
 constexpr float kTallAspect = 1.2f;  // a window that is narrower for its height is tall
-constexpr DockSizes kDefaults{290.0f, 230.0f, 320.0f, 190.0f}, kLeast{180.0f, 120.0f, 200.0f, 90.0f};
-constexpr float kMostOfWidth = 0.5f, kMostOfHeight = 2.0f / 3.0f;  // of all docks together
+constexpr DockSizes kDefaults{290.0f, 230.0f, 320.0f, 190.0f}, kMin{180.0f, 120.0f, 200.0f, 90.0f};
+constexpr float kMaxOfWidth = 0.5f, kMaxOfHeight = 2.0f / 3.0f;  // of all docks together
 
 template <class Sizes, class Visitor>
 void for_each_size(Sizes& sizes, Visitor visit) {
@@ -63,7 +63,7 @@ DockLayout lay_out_docks(float width, float height, const DockContents& contents
   DockLayout docks;
   docks.tall = width < kTallAspect * height;
   DockRect rest{0.0f, 0.0f, width, height};
-  float free_width = kMostOfWidth * width, free_height = kMostOfHeight * height;
+  float free_width = kMaxOfWidth * width, free_height = kMaxOfHeight * height;
   const auto take_height = [&](float wanted) {
     const float taken = std::min(wanted, std::max(free_height, 0.0f));
     free_height -= taken;
@@ -72,21 +72,21 @@ DockLayout lay_out_docks(float width, float height, const DockContents& contents
   if (contents.panels) {
     docks.bar = cut_bottom(rest, take_height(contents.bar_height));
     const float inspector =
-        contents.inspector ? chosen(sizes.inspector, kDefaults.inspector, kLeast.inspector, free_width, scale)
+        contents.inspector ? chosen(sizes.inspector, kDefaults.inspector, kMin.inspector, free_width, scale)
                            : 0.0f;
     if (docks.tall) {
       docks.main =
-          cut_top(rest, take_height(chosen(sizes.top, kDefaults.top, kLeast.top, 0.45f * height, scale)));
+          cut_top(rest, take_height(chosen(sizes.top, kDefaults.top, kMin.top, 0.45f * height, scale)));
       if (contents.inspector) docks.inspector = cut_right(docks.main, inspector);
     } else {
       const float most_side = contents.inspector ? 0.55f * free_width : free_width;
-      docks.main = cut_left(rest, chosen(sizes.side, kDefaults.side, kLeast.side, most_side, scale));
+      docks.main = cut_left(rest, chosen(sizes.side, kDefaults.side, kMin.side, most_side, scale));
       if (contents.inspector)
         docks.inspector = cut_right(rest, std::min(inspector, free_width - docks.main.width));
     }
     if (contents.plots)
-      docks.plots = cut_bottom(
-          rest, take_height(chosen(sizes.plots, kDefaults.plots, kLeast.plots, free_height, scale)));
+      docks.plots =
+          cut_bottom(rest, take_height(chosen(sizes.plots, kDefaults.plots, kMin.plots, free_height, scale)));
   }
   if (contents.message_height > 0.0f) docks.message = cut_top(rest, take_height(contents.message_height));
   docks.scene = rest;

@@ -43,7 +43,7 @@ struct ChartArea {
 };
 
 constexpr float kLabelGap = 5.0f;
-constexpr double kLeastSpan_s = 1e-3;  // of the axis of times
+constexpr double kMinSpan_s = 1e-3;  // of the axis of times
 
 std::vector<double> value_ticks(const ChartArea& area) {
   const double rows = std::max(1.0f, std::floor((area.high.y - area.low.y) / (1.7f * ImGui::GetFontSize())));
@@ -260,7 +260,7 @@ std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float
   ChartArea area{{corner.x + 3.6f * font, corner.y + 0.3f * font},
                  {corner.x + width - 0.6f * font, corner.y + height - 1.4f * font},
                  chart.from_s,
-                 std::max(chart.to_s, chart.from_s + kLeastSpan_s),
+                 std::max(chart.to_s, chart.from_s + kMinSpan_s),
                  {}};
   std::vector<std::vector<CurvePoint>> curves;
   for (const std::size_t i : chart.series) {

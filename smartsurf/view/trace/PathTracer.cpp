@@ -19,7 +19,7 @@ using Vec = Eigen::Vector3f;
 constexpr float kPi = std::numbers::pi_v<float>;
 constexpr int kMaxBounces = 6, kSureBounces = 1;  // later ones end with the probability of what they lose
 constexpr int kMaxLayers = 32;                    // translucent surfaces in a row
-constexpr float kMostIndirect = 6.0F;             // radiance that one bounced path adds to a pixel's sample
+constexpr float kMaxIndirect = 6.0F;              // radiance that one bounced path adds to a pixel's sample
 constexpr float kRefraction = 1.49F;              // of acrylic
 constexpr float kAcrylicShade = 0.5F;  // share of the sun that acrylic keeps from what lies behind it
 constexpr float kLampShare =
@@ -104,7 +104,7 @@ class Path {
 
 void Path::add(const Vec& light) {
   const float most = light.maxCoeff();
-  radiance_ += bounces_ > 0 && most > kMostIndirect ? Vec(light * (kMostIndirect / most)) : light;
+  radiance_ += bounces_ > 0 && most > kMaxIndirect ? Vec(light * (kMaxIndirect / most)) : light;
 }
 
 void Path::add_environment() {

@@ -10,8 +10,8 @@ namespace {
 using Vec = Eigen::Vector3f;
 
 constexpr float kPi = std::numbers::pi_v<float>;
-constexpr float kLeastAlpha = 0.01F;
-constexpr float kLeastShare = 0.25F;  // of the samples; what mirrors show is brighter than what is diffuse
+constexpr float kMinAlpha = 0.01F;
+constexpr float kMinShare = 0.25F;  // of the samples; what mirrors show is brighter than what is diffuse
 
 // Heitz 2014: of directions at this cosine, the share that microfacets hide is λ / (1 + λ).
 float smith_lambda(float cosine, float alpha) {
@@ -34,7 +34,7 @@ ShadingFrame::ShadingFrame(const Vec& n) : z(n) {
 }
 
 Reflection::Reflection(const Vec& albedo, const Finish& finish, const Vec& out)
-    : out_(out), diffuse_(albedo * (1.0F - finish[1])), alpha_(std::max(finish[0] * finish[0], kLeastAlpha)) {
+    : out_(out), diffuse_(albedo * (1.0F - finish[1])), alpha_(std::max(finish[0] * finish[0], kMinAlpha)) {
   out_.z() = std::max(out_.z(), 1e-4F);
   head_on_ = Vec::Constant(finish[2]) * (1.0F - finish[1]) + albedo * finish[1];
   grazing_ = head_on_.cwiseMax(1.0F - finish[0]);
@@ -42,7 +42,7 @@ Reflection::Reflection(const Vec& albedo, const Finish& finish, const Vec& out)
   mirror_share_ = mirrored <= 0.0F ? 0.0F
                   : diffuse <= 0.0F
                       ? 1.0F
-                      : std::clamp(mirrored / (mirrored + diffuse), kLeastShare, 1.0F - kLeastShare);
+                      : std::clamp(mirrored / (mirrored + diffuse), kMinShare, 1.0F - kMinShare);
 }
 
 // Schlick's, as lit_material() in ShaderChunks.cpp has it.

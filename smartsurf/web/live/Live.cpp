@@ -66,8 +66,8 @@ std::vector<std::pair<std::string, std::string>> parse_overrides(std::string_vie
 
 std::optional<std::uint64_t> parse_seed(const std::string& text) {
   if (text.empty()) return std::nullopt;
-  constexpr std::size_t kMostDigits = 19;
-  if (text.size() > kMostDigits || text.find_first_not_of("0123456789") != text.npos)
+  constexpr std::size_t kMaxDigits = 19;
+  if (text.size() > kMaxDigits || text.find_first_not_of("0123456789") != text.npos)
     throw common::UserError("seed '" + text + "': must be a whole number from 0 to 9999999999999999999");
   return std::stoull(text);
 }

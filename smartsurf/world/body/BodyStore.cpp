@@ -16,7 +16,7 @@ namespace smartsurf::world {
 namespace {
 
 // A needle's moments are further apart than single precision resolves; its spin would grow without bound.
-constexpr double kLeastMoment = 1e-6;  // as a share of the greatest; a rod of 1200 times its diameter has it
+constexpr double kMinMoment = 1e-6;  // as a share of the greatest; a rod of 1200 times its diameter has it
 
 void store(float (&to)[3], const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
@@ -36,7 +36,7 @@ PrincipalInertia principal_inertia(const Mat3& tensor) {
   PrincipalInertia result;
   std::copy_n(axes.col(order[0]).data(), 3, result.least_axis);
   std::copy_n(axes.col(order[2]).data(), 3, result.greatest_axis);
-  const double least = kLeastMoment * moments[order[2]];
+  const double least = kMinMoment * moments[order[2]];
   for (std::size_t i = 0; i < 3; ++i) result.moments[i] = std::max(moments[order[i]], least);
   return result;
 }

@@ -38,11 +38,11 @@ void for_each_face(const ConvexPart& part, Visit visit) {
 
 // A contact point is at an edge of a face if it is this close to its plane, u: bodies overlap a little, and
 // round off each other's edges by their convex radius.
-constexpr float kLeastEdgeDepth = 0.02F;
+constexpr float kMinEdgeDepth = 0.02F;
 float edge_depth(const ConvexPart& part) {
   constexpr float kAllowance = 0.005F;
   const float radius = part.hull != nullptr ? part.hull->convex_radius : part.shape.convex_radius;
-  return std::max(kLeastEdgeDepth, kAllowance + radius);
+  return std::max(kMinEdgeDepth, kAllowance + radius);
 }
 
 bool is_near(const ConvexPart& part, const Vec3& local, float reach) {
@@ -196,7 +196,7 @@ void mark_internal_edges(std::span<const Solid> solids, bool are_b, const Shape&
   for (const SeamContact& s : contacts) {
     const Vec3 normal = side * s.contact->normal;
     std::optional<Plane> plane = plane_of(solids, point_on_solid(s, share), normal);
-    if (!is_sphere && s.contact->separation > kLeastEdgeDepth)
+    if (!is_sphere && s.contact->separation > kMinEdgeDepth)
       for (const float other : {0.0F, 1.0F})
         if (!plane) plane = plane_of(solids, point_on_solid(s, other), normal);
     any |= plane.has_value();

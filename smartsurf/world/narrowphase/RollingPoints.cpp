@@ -31,11 +31,11 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
     if (std::abs(along) < end) return {1.0F / shape.radius, generatrix};
     return {1.0F / shape.radius};
   }
-  constexpr float kMostAlong = 0.7F;  // an end
-  if (std::abs(normal_along) > kMostAlong) return {};
+  constexpr float kMaxAlong = 0.7F;  // an end
+  if (std::abs(normal_along) > kMaxAlong) return {};
   const Vec3 across = normal - normal_along * axis;
-  constexpr float kLeastRadius = 1e-4F;  // of a cone, near its tip
-  return {across.norm() / std::max(kLeastRadius, (from_origin - along * axis).norm()), generatrix};
+  constexpr float kMinRadius = 1e-4F;  // of a cone, near its tip
+  return {across.norm() / std::max(kMinRadius, (from_origin - along * axis).norm()), generatrix};
 }
 
 // One of the two bodies, or the ground.

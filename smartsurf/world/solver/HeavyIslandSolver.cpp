@@ -26,15 +26,15 @@ constexpr int kMaxPasses = 12;
 constexpr float kOwnWeight = 3.0F;
 // A contact whose load exceeds the sum of its island's weights, forces and momentum by this factor is wedged:
 // its load is an internal stress.
-constexpr double kGreatestLeverage = 8.0;
+constexpr double kMaxLeverage = 8.0;
 
 // Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep;
 // the sweeps solve it.
 constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
 // Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
-// kDeepTogether do so in an island of at least kLeastSinkingBodies, where they add up to a visible depth.
+// kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
-constexpr int kLeastSinkingBodies = 8;
+constexpr int kMinSinkingBodies = 8;
 
 // Without branches, so that a loop over the lanes becomes vector code.
 bool bears_or_touches(const BatchPoint& p, int lane) {
@@ -58,7 +58,7 @@ Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 // Cells that yield have a solver of their own. Where surfaces move, or press from the side or down, the loads
 // are those of a squeeze, which has no solution that holds everything.
 bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, const Vec3& gravity) {
-  constexpr float kLeastRise = 0.5F, kGreatestDepth = 0.02F;
+  constexpr float kMinRise = 0.5F, kMaxDepth = 0.02F;
   const Vec3 up = -gravity.normalized();
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
     if (o.has_impulse_limit && points.limit[k].is_limited(lane)) return true;
@@ -67,7 +67,7 @@ bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, con
     const Vec3 normal = load_lane(p.normal, lane);
     // Without gravity no side is below.
     const float rise = up.isZero(0.0F) ? 1.0F : up.dot(normal);
-    if (std::max(normal.z(), rise) < kLeastRise || p.separation[lane] < -kGreatestDepth ||
+    if (std::max(normal.z(), rise) < kMinRise || p.separation[lane] < -kMaxDepth ||
         !load_lane(points.detail[k].surface_velocity, lane).isZero(0.0F))
       return true;
   }
@@ -253,7 +253,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   for (Island& island : islands_) {
     island.first_body = bodies_so_far;
     if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll ||
-        (!island.is_heavy && island.body_count < kLeastSinkingBodies))
+        (!island.is_heavy && island.body_count < kMinSinkingBodies))
       island.body_count = 0;
     bodies_so_far += island.body_count;
   }
@@ -269,7 +269,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
       const float force = bodies.wrench[partition.body(static_cast<int>(i))].force.norm();
       const float speed = h_s * gravity.norm() + Vec3(velocity[i].velocity).norm();
       island.greatest_impulse +=
-          kGreatestLeverage * static_cast<double>(speed / velocity[i].inverse_mass + h_s * force);
+          kMaxLeverage * static_cast<double>(speed / velocity[i].inverse_mass + h_s * force);
     }
 }
 

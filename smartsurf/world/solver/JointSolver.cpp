@@ -15,11 +15,11 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// A part of a substep is halved, down to kLeastPart of the substep, when the joints change how far a body
+// A part of a substep is halved, down to kMinPart of the substep, when the joints change how far a body
 // turns in it by more than kMaxTurnChange_rad, or when a body turns by more than kMaxUnsolvedTurn_rad and a
 // speed is off by more than kMaxResidual_ups: the whip of a chain's end.
 constexpr double kMaxTurnChange_rad = 0.003, kMaxUnsolvedTurn_rad = 0.05, kMaxResidual_ups = 1e-6,
-                 kLeastPart = 1.0 / 64;
+                 kMinPart = 1.0 / 64;
 // Rounds of Newton's method in a stage; the first kFreeRounds may change the places of all axes, later ones
 // of one. A stage ends when no speed is off by more than kConverged, u/s, or when a round reduces the
 // residual by less than a tenth: a loop can contradict itself.
@@ -400,7 +400,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
       const JointEquations::Tree& tree = equations_.trees()[t];
       TreeState& s = tree_states_[t];
       if (!s.is_selected()) continue;
-      if (s.h_s > kLeastPart * h_s && is_too_long(tree, s)) {
+      if (s.h_s > kMinPart * h_s && is_too_long(tree, s)) {
         s.h_s *= 0.5;
         for (const std::int32_t i : bodies_of(tree)) bodies_[i].restore();
         for (const std::int32_t k : joints_of(tree)) joints_[k].held_by = blocks_[k].kept_held_by;

@@ -532,7 +532,7 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
       batch.list[lane] = &list, batch.patch[lane] = &p;
       batch.contacts[lane] = context.input.static_contacts.contacts_of(
           context.input.static_contacts.manifolds[graph_.manifold(index, lane)]);
-      const bool is_alone = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMostPoints;
+      const bool is_alone = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMaxPoints;
       (is_alone ? batch.any_alone : batch.any_in_lanes) = true;
       if (is_alone) continue;
       const auto points = support::points_of(list, p);

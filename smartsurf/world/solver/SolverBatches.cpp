@@ -14,7 +14,7 @@ namespace {
 
 constexpr float kPressingNormalZ = 0.5F;  // of contacts that press a body down
 // How far a body that gives way to one below it rises in a step, relative to that one.
-constexpr float kLeastEscape = 0.5F;
+constexpr float kMinEscape = 0.5F;
 constexpr float kUnusedSeparation = 1e6F;  // of unused lanes: never in contact
 
 // The floats of Contact, and the rows of four that batches copy: normal and anchor x; anchor y, z, separation
@@ -367,7 +367,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
         const auto rise = [&](std::int32_t row) { return delta_pose_[row].translation[2]; };
         const float of_a = rise(o.a[lane]), of_b = rise(o.b[lane]);
         const float lower = upward > 0.0F ? of_b : of_a, upper = upward > 0.0F ? of_a : of_b;
-        if (lower > 0.0F && upper >= kLeastEscape * lower) continue;
+        if (lower > 0.0F && upper >= kMinEscape * lower) continue;
       }
       context.jammed_bodies.push_back({m.a, depth[lane], upward < -kPressingNormalZ});
       if (m.b >= 0) context.jammed_bodies.push_back({m.b, depth[lane], upward > kPressingNormalZ});

@@ -237,7 +237,7 @@ HWY_INLINE D stick_lanes_from(int at, const SupportLanes& s, const SupportFricti
   const D zero_d = constant<D>(0), one = constant<D>(1);
   const Half none = constant<Half>(0);
   Vector3<D> wrench = load3(stage.wrench, at);
-  for (int k = 0; k < s.point_count && k < SupportLanes::kMostPoints; ++k) {
+  for (int k = 0; k < s.point_count && k < SupportLanes::kMaxPoints; ++k) {
     const BatchPointDetail& d = points.detail[s.first_point + k];
     const Half has = has_member(f.points, at, k);
     const D impulse =
@@ -343,7 +343,7 @@ HWY_INLINE void solve_points_from(int at, const SupportLanes& s, const Supported
   struct Point {
     alignas(64) double x[kDoubles], y[kDoubles], stiffness[kDoubles], error[kDoubles], change[kDoubles];
   };
-  Point bearing[SupportLanes::kMostPoints];
+  Point bearing[SupportLanes::kMaxPoints];
   SymmetricMat3<D> sum{load(s.mass, at), load(s.inertia[0], at), load(s.inertia[1], at), zero_d,
                        zero_d,           load(s.inertia[2], at)};
   Vector3<D> force{zero_d, zero_d, zero_d};

@@ -26,7 +26,7 @@ struct LoadSums {
 
 // The patches of the bodies in the lanes of a contact batch.
 struct SupportLanes {
-  static constexpr int kMostPoints = 32;
+  static constexpr int kMaxPoints = 32;
   std::int32_t first_point = 0, point_count = 0;  // of the batch
   std::int32_t lane_count = 0;
   std::int32_t row[kLanes] = {};      // of the body
@@ -83,7 +83,7 @@ struct SupportKernelTable {
                          std::uint32_t lanes, int passes, BatchPoints, const SubstepParams* params,
                          BodyVelocity*, const InverseInertia*);
   void (*sum_friction)(const SupportSampleView&, double (&impulse)[3]);
-  // solve_support_points() of patches without shares and elastic tops, of at most kMostPoints points.
+  // solve_support_points() of patches without shares and elastic tops, of at most kMaxPoints points.
   void (*solve_points)(const SupportLanes&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
                        const DeltaPose*, const InverseInertia*);
   // Both in one, where SupportFriction::points has the points of all patches; unless `is_soft`, and if all

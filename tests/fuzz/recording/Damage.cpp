@@ -123,8 +123,8 @@ void write_extent(hid_t dataset, const Change& change) {
   hsize_t size[H5S_MAX_RANK];
   const int rank = H5Sget_simple_extent_dims(space, size, nullptr);
   // The library looks for every chunk that a dataset loses.
-  constexpr hsize_t kMostLost = 1 << 20;
-  if (rank > 0 && size[change.at % rank] < kMostLost) {
+  constexpr hsize_t kMaxLost = 1 << 20;
+  if (rank > 0 && size[change.at % rank] < kMaxLost) {
     size[change.at % rank] = change.value;
     H5Dset_extent(dataset, size);
   }
@@ -294,7 +294,7 @@ Bytes read_bytes(const fs::path& file) {
 
 std::vector<Change> read_changes(std::span<const std::uint8_t> bytes) {
   std::vector<Change> changes;
-  for (; bytes.size() >= kChangeBytes && changes.size() < kMostChanges; bytes = bytes.subspan(kChangeBytes)) {
+  for (; bytes.size() >= kChangeBytes && changes.size() < kMaxChanges; bytes = bytes.subspan(kChangeBytes)) {
     Change change{static_cast<Change::Kind>(bytes[0] % Change::kKinds), bytes[1], 0, 0};
     std::memcpy(&change.at, &bytes[2], sizeof change.at);
     std::memcpy(&change.value, &bytes[4], sizeof change.value);

@@ -35,7 +35,7 @@ struct Change {
   std::uint16_t at;
   std::uint64_t value;
 };
-inline constexpr std::size_t kChangeBytes = 12, kMostChanges = 16;
+inline constexpr std::size_t kChangeBytes = 12, kMaxChanges = 16;
 
 std::vector<Change> read_changes(std::span<const std::uint8_t> bytes);
 // Runs the experiment for a few ticks and records it. Throws if it cannot.
