@@ -1,4 +1,4 @@
-// What an experiment is, for the Python files.
+// The description of an experiment, for the Python files.
 #pragma once
 
 #include "smartsurf/python/Arrays.h"

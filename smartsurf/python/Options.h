@@ -21,7 +21,7 @@ EnvironmentOptions make_options(std::string experiment, std::string engine,
                                 std::optional<std::uint64_t> seed, int threads,
                                 std::optional<std::string> source);
 
-// What a capsule of the package `apron` holds; null for None.
+// The content of a capsule of the package `apron` holds; null for None.
 std::shared_ptr<const common::ControllerFactory> controller_factory(const py::object& capsule);
 
 }  // namespace smartsurf::python

@@ -16,7 +16,7 @@ namespace smartsurf::python {
 
 using simulation::Environment;
 
-// What a picture shows: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
+// The view of a picture: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
 // follows, or −1.
 using CameraChoice = std::pair<std::string, int>;
 

@@ -21,7 +21,7 @@ void set_parameter(Environment& environment, const std::string& name, std::span<
 void randomise(Environment& environment, const std::string& name, std::span<const double> low,
                std::span<const double> high);
 
-// What set_parameter() and randomise() have set: (name, values) and (name, low, high).
+// The values set by set_parameter() and randomise(): (name, values) and (name, low, high).
 using NamedRange = std::tuple<std::string, std::vector<double>, std::vector<double>>;
 using ParameterSettings = std::pair<Environment::Values, std::vector<NamedRange>>;
 

@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 // speed is off by more than kMaxResidual_ups: the whip of a chain's end.
 constexpr double kMaxTurnChange_rad = 0.003, kMaxUnsolvedTurn_rad = 0.05, kMaxResidual_ups = 1e-6,
                  kMinPart = 1.0 / 64;
-// Rounds of Newton's method in a stage; the first kFreeRounds may change the places of all axes, later ones
+// Rounds of Newton's method in a stage; the first kFreeRounds may change the segments of all axes, later ones
 // of one. A stage ends when no speed is off by more than kConverged, u/s, or when a round reduces the
 // residual by less than a tenth: a loop can contradict itself.
 constexpr int kMaxRounds = 24, kFreeRounds = 16;
