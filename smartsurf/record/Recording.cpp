@@ -30,7 +30,8 @@ struct Recording::Contents {
   explicit Contents(const fs::path& file_path) : path(file_path), file(open_for_reading(file_path)) {
     std::error_code error;
     bytes = fs::file_size(path, error);
-    datasets = list_structure(file);
+    for (const StoredDataset& found : list_structure(file))
+      datasets.push_back({found.name, {found.extents.begin(), found.extents.end()}});
     RecordedMeta recorded = read_meta(file, spec);
     meta = std::move(recorded.meta);
     result = std::move(recorded.result);

@@ -11,7 +11,7 @@ namespace {
 
 class Walk {
  public:
-  explicit Walk(std::vector<Recording::DatasetInfo>& datasets) : datasets_(datasets) {}
+  explicit Walk(std::vector<StoredDataset>& datasets) : datasets_(datasets) {}
 
   // Each object is opened in its group: a path is searched for from the root on.
   void enter(hid_t group, const std::string& path, int depth) {
@@ -49,8 +49,7 @@ class Walk {
     if (info.rc > 1 && !seen_.insert(info.addr).second) return;
     if (info.type == H5O_TYPE_DATASET) {
       const Handle dataset(H5Dopen2(group, name.c_str(), H5P_DEFAULT), H5Dclose, path);
-      const std::vector<hsize_t> sizes = extents(dataset);
-      datasets_.push_back({path, {sizes.begin(), sizes.end()}});
+      datasets_.push_back({path, extents(dataset)});
     } else if (info.type == H5O_TYPE_GROUP) {
       if (depth == kMostDepth)
         throw Hdf5Error("has groups in more than " + std::to_string(kMostDepth) +
@@ -59,15 +58,15 @@ class Walk {
     }
   }
 
-  std::vector<Recording::DatasetInfo>& datasets_;
+  std::vector<StoredDataset>& datasets_;
   std::set<haddr_t> seen_;
   hsize_t objects_ = 0;
 };
 
 }  // namespace
 
-std::vector<Recording::DatasetInfo> list_structure(hid_t file) {
-  std::vector<Recording::DatasetInfo> datasets;
+std::vector<StoredDataset> list_structure(hid_t file) {
+  std::vector<StoredDataset> datasets;
   Walk(datasets).enter(open_group(file, "/"), "", 0);
   return datasets;
 }
