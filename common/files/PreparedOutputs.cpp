@@ -57,12 +57,24 @@ std::error_code refused_output(const fs::path& name) noexcept {
 
 unsigned part_mode(const fs::path& name) noexcept { return file_mode(name).value_or(0666); }
 
+std::string too_long_for_part(const fs::path& name, const fs::path& part) {
+  constexpr std::size_t kLongest = 255;
+  const std::size_t bytes = name.filename().native().size();
+  const std::string ending =
+      part.filename().native().substr(std::min(bytes, part.filename().native().size()));
+  if (bytes > kLongest || bytes + ending.size() <= kLongest) return "";
+  return "the name must be " + std::to_string(bytes + ending.size() - kLongest) +
+         " bytes shorter, because it ends in '" + ending + "' until it is complete";
+}
+
 PreparedOutput prepare_output(const std::string& subject, const fs::path& name, const fs::path& part) {
   PreparedOutput output{.name = name, .part = part};
   const auto refuse = [&](const std::error_code& reason) {
     throw UserError(subject + ": cannot be written: " + reason.message());
   };
   if (const std::error_code refusal = refused_output(name)) refuse(refusal);
+  if (const std::string reason = too_long_for_part(name, part); !reason.empty())
+    throw UserError(subject + ": cannot be written: " + reason);
   std::error_code error;
   if (const fs::file_status status = fs::symlink_status(name, error);
       fs::exists(status) && !fs::is_regular_file(status)) {

@@ -18,6 +18,9 @@ struct PreparedOutput {
   bool created = false;   // here, and to be removed if it gets no name or, in place, no content
 };
 
+// Why the part, whose name is the output's with an ending, cannot have it; empty if it can.
+std::string too_long_for_part(const std::filesystem::path& name, const std::filesystem::path& part);
+
 // Creates the part of an output, or takes one that a killed process of this user has left, as it is. Throws
 // UserError, which begins with `subject`.
 PreparedOutput prepare_output(const std::string& subject, const std::filesystem::path& name,

@@ -63,10 +63,7 @@ void limit(__rlimit_resource resource, rlim_t value) {
     std::signal(signal, SIG_DFL);
   limit(RLIMIT_CORE, 0);
   if (mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + limits.memory_bytes);
-  const auto whole_s = static_cast<time_t>(limits.cpu_s);
-  const itimerval once{
-      {0, 0}, {whole_s, static_cast<suseconds_t>(1e6 * (limits.cpu_s - static_cast<double>(whole_s)))}};
-  ::setitimer(ITIMER_PROF, &once, nullptr);
+  limit_processor_time(limits.cpu_s);
   ::dup2(fd, STDERR_FILENO + 1);  // the result's pipe, the only descriptor that stays besides the streams
   ::close_range(STDERR_FILENO + 2, ~0U, 0);
   if (const int nowhere = ::open("/dev/null", O_RDWR); nowhere >= 0)
@@ -142,9 +139,11 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   while (::wait4(child, &status, 0, &used) < 0 && errno == EINTR) {
   }
   children_s += seconds(used.ru_utime) + seconds(used.ru_stime);
+  const bool out_of_time = ended && WIFSIGNALED(status) && WTERMSIG(status) == SIGPROF;
   const int exit_status = ended && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   result.end = exit_status == 0                              ? ChildResult::End::kReturned
                : exit_status == kNoMemory                    ? ChildResult::End::kOutOfMemory
+               : out_of_time                                 ? ChildResult::End::kOutOfTime
                : stop_flag().load(std::memory_order_relaxed) ? ChildResult::End::kStopped
                                                              : ChildResult::End::kFailed;
   return result;
@@ -152,6 +151,13 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
 
 void limit_address_space(std::size_t bytes) noexcept {
   if (const rlim_t mapped = mapped_bytes(); mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + bytes);
+}
+
+void limit_processor_time(double seconds) noexcept {
+  const auto whole_s = static_cast<time_t>(seconds);
+  const itimerval once{{0, 0},
+                       {whole_s, static_cast<suseconds_t>(1e6 * (seconds - static_cast<double>(whole_s)))}};
+  ::setitimer(ITIMER_PROF, &once, nullptr);
 }
 
 double child_time_s() noexcept { return children_s; }

@@ -17,9 +17,9 @@ struct ChildLimits {
 };
 
 struct ChildResult {
-  // kOutOfMemory: it threw std::bad_alloc; kFailed: it crashed, threw something else or exceeded a limit;
-  // kStopped: the stop flag (StopSignals.h) was raised meanwhile.
-  enum class End { kReturned, kOutOfMemory, kFailed, kStopped } end;
+  // kOutOfMemory: it threw std::bad_alloc; kOutOfTime: it exceeded cpu_s; kFailed: it crashed or threw
+  // something else; kStopped: the stop flag (StopSignals.h) was raised meanwhile.
+  enum class End { kReturned, kOutOfMemory, kOutOfTime, kFailed, kStopped } end;
   std::string bytes;  // what `work` returned
 };
 
@@ -31,6 +31,9 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
 // Limits this process's address space to what it has now and `bytes` more; not at all where the former is
 // unknown.
 void limit_address_space(std::size_t bytes) noexcept;
+
+// SIGPROF ends this process when it has used so much more processor time; its children have no such limit.
+void limit_processor_time(double seconds) noexcept;
 
 // Processor time of the children that the calling thread has waited for here.
 double child_time_s() noexcept;

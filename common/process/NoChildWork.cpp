@@ -11,6 +11,8 @@ ChildResult run_in_child(const std::function<std::string()>&, const ChildLimits&
 
 void limit_address_space(std::size_t) noexcept {}
 
+void limit_processor_time(double) noexcept {}
+
 double child_time_s() noexcept { return 0.0; }
 
 }  // namespace common

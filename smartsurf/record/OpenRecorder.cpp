@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "common/files/PreparedOutputs.h"
 #include "common/text/Words.h"
 #include "smartsurf/record/CsvRecorder.h"
 #include "smartsurf/record/PendingFile.h"
@@ -43,6 +44,9 @@ void require_writable(const fs::path& path, const fs::path& pending) {
     throw scene::InputError(name + ": cannot be written: there is no directory " + directory.string());
   if (fs::is_directory(path, error))
     throw scene::InputError(name + ": is a directory: give the name of a file in it");
+  if (const std::string reason = common::too_long_for_part(fs::path(pending).replace_extension(), pending);
+      !reason.empty() && pending != path)
+    throw scene::InputError(name + ": cannot be written: " + reason);
   require_unlocked(path, path);
   require_unlocked(path, pending);
   const bool exists = ::access(path.c_str(), F_OK) == 0;
@@ -60,12 +64,21 @@ bool is_hdf5(const fs::path& path) {
   return hdf5;
 }
 
+// HDF5 writes at many places of its file.
+void require_regular(const fs::path& path) {
+  std::error_code error;
+  if (const fs::file_status status = fs::status(path, error);
+      fs::exists(status) && !fs::is_regular_file(status))
+    throw scene::InputError(path.string() + ": is not a regular file, which a recording in HDF5 must be");
+}
+
 }  // namespace
 
 common::PreparedOutput prepare_recording(const fs::path& path) {
-  (void)is_hdf5(path);
+  const bool hdf5 = is_hdf5(path);
   const PendingFile pending(path);
   require_writable(path, pending.path());
+  if (hdf5) require_regular(path);
   return common::prepare_output(path.string(), pending.final_path(), pending.path());
 }
 
@@ -77,6 +90,7 @@ std::unique_ptr<Recorder> open_recorder(const fs::path& path, const RunMetadata&
     require_writable(path, pending->path());
   else
     require_unlocked(path, pending->path());
+  if (hdf5) require_regular(path);
   try {
     pending->own();
   } catch (const std::system_error& error) {

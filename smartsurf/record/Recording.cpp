@@ -13,6 +13,7 @@
 #include "smartsurf/record/hdf5/Hdf5Meta.h"
 #include "smartsurf/record/hdf5/Hdf5Reading.h"
 #include "smartsurf/record/hdf5/Names.h"
+#include "smartsurf/record/hdf5/Structure.h"
 #include "smartsurf/record/hdf5/SurfaceLayout.h"
 
 namespace smartsurf::record {
@@ -23,23 +24,14 @@ namespace fs = std::filesystem;
 constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
 constexpr hsize_t kMaxCellsPerFrame = hsize_t{1} << 28;  // per channel: 1 GiB; more is implausible
 
-herr_t collect_dataset(hid_t root, const char* name, const H5O_info_t* object_info, void* list) {
-  if (object_info->type != H5O_TYPE_DATASET) return 0;
-  const hid_t dataset = H5Dopen2(root, name, H5P_DEFAULT);
-  if (dataset < 0) return -1;
-  const Handle closer(dataset, H5Dclose, name);
-  const std::vector<hsize_t> sizes = extents(dataset);
-  static_cast<std::vector<Recording::DatasetInfo>*>(list)->push_back(
-      {std::string("/") + name, {sizes.begin(), sizes.end()}});
-  return 0;
-}
-
 }  // namespace
 
 struct Recording::Contents {
   explicit Contents(const fs::path& file_path) : path(file_path), file(open_for_reading(file_path)) {
     std::error_code error;
     bytes = fs::file_size(path, error);
+    for (const StoredDataset& found : list_structure(file))
+      datasets.push_back({found.name, {found.extents.begin(), found.extents.end()}});
     RecordedMeta recorded = read_meta(file, spec);
     meta = std::move(recorded.meta);
     result = std::move(recorded.result);
@@ -48,8 +40,6 @@ struct Recording::Contents {
     read_frames();
     read_catalogue(file, spec);
     open_delta_readers();
-    check(H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_INC, collect_dataset, &datasets, H5O_INFO_BASIC),
-          "datasets");
   }
 
   void read_frames();
@@ -195,6 +185,13 @@ std::size_t memory_to_read(const fs::path& path) {
   std::error_code error;
   const std::uintmax_t file_bytes = fs::file_size(path, error);
   return kBytes + (error ? 0 : kTimesFile * file_bytes);
+}
+
+double time_to_read_s(const fs::path& path) {
+  constexpr double kLeast_s = 60.0, kOfByte_s = 1.0 / (1 << 20);
+  std::error_code error;
+  const std::uintmax_t file_bytes = fs::file_size(path, error);
+  return kLeast_s + (error ? 0.0 : kOfByte_s * static_cast<double>(file_bytes));
 }
 
 Recording Recording::open(const fs::path& path) {

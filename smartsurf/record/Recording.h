@@ -26,6 +26,8 @@ struct PuritySeries;
 // Address space for reading the file: HDF5 1.10 allocates the length that a text has by its reference, up to
 // 4 GiB, before it looks for the text.
 std::size_t memory_to_read(const std::filesystem::path& path);
+// Processor time to read, draw or convert the file: well above what any recording of its size needs.
+double time_to_read_s(const std::filesystem::path& path);
 
 // Of a recording without has_objects(), in words.
 std::string why_no_objects(const RunMetadata& meta);

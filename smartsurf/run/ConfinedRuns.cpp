@@ -138,8 +138,8 @@ ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common:
   common::note_input(fs::path(runs.front().experiment));
   std::vector<common::NamedOutput> named = others;
   for (const RunOptions& options : runs) {
+    note_controller(options.controller);
     if (is_apron_program(options.controller)) {
-      common::note_input(fs::path(options.controller));
       confinement.read.emplace_back(options.controller);
     }
     for (common::NamedOutput& output : named_outputs(options)) named.push_back(std::move(output));
@@ -217,8 +217,13 @@ void ConfinedRuns::start_broker() {
   }
   Prepared* const prepared = prepared_.get();
   broker_ = std::make_unique<common::Broker>(std::move(services), [prepared, controllers](bool ordered) {
-    for (const Prepared::OneRun& run : prepared->runs)
-      if (ordered && run.surface_name) run.surface_name->remove();
+    for (const Prepared::OneRun& run : prepared->runs) {
+      if (!run.surface_name) continue;
+      if (ordered)
+        run.surface_name->remove();
+      else if (run.options.shm.empty())  // one that the user has named stays to be looked at
+        run.surface_name->remove_if_abandoned();
+    }
     if (!ordered) hurry(*controllers);
     controllers->clear();
     for (const Prepared::OneRun& run : prepared->runs)

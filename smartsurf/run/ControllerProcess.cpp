@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/files/Inputs.h"
 #include "common/files/Installation.h"
 #include "common/files/ProgramOnPath.h"
 #include "common/process/Supervisor.h"
@@ -96,6 +97,10 @@ bool is_apron_program(const std::string& controller) { return is_file_name(contr
 
 bool is_onnx_model(const std::string& controller) { return is_file_name(controller, ".onnx"); }
 
+void note_controller(const std::string& controller) {
+  if (is_apron_program(controller) || is_onnx_model(controller)) common::note_input(fs::path(controller));
+}
+
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
                                      bool with_window, const std::vector<std::string>& overrides,
                                      const std::string& show_registers) {
@@ -105,6 +110,7 @@ ControllerProcess::ControllerProcess(const std::string& controller, const std::s
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
   if (pid_ != 0) return;
+  if (is_onnx_model(controller)) drop_relative_python_path();
   if (is_apron_program(controller) || is_onnx_model(controller)) exec_command(command, shm_name, parent);
   // A shell and what it starts may outlive the signals that end it.
   common::supervise({.parent = parent, .become_command = [&](pid_t supervisor) {

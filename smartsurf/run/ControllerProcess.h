@@ -52,6 +52,8 @@ bool is_apron_program(const std::string& controller);
 
 // Returns whether it names an ONNX model.
 bool is_onnx_model(const std::string& controller);
+// Either is an input of the run (common/files/Inputs.h).
+void note_controller(const std::string& controller);
 
 // The APRON program beside the experiment that has its name, else the only one there, else "".
 std::string program_beside(const std::string& experiment);

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <sstream>
 #include <system_error>
 
 #include "common/files/Installation.h"
@@ -66,8 +67,20 @@ std::vector<std::string> python_command(const std::string& module,
   return command;
 }
 
+void drop_relative_python_path() {
+  std::istringstream entries(environment("PYTHONPATH"));
+  std::string kept;
+  for (std::string entry; std::getline(entries, entry, ':');)
+    if (entry.starts_with('/')) kept += (kept.empty() ? "" : ":") + entry;
+  if (kept.empty())
+    unsetenv("PYTHONPATH");
+  else
+    setenv("PYTHONPATH", kept.c_str(), 1);
+}
+
 void run_python(const std::string& module, const std::vector<std::string>& given) {
   const std::vector<std::string> command = python_command(module, given);
+  drop_relative_python_path();
   std::vector<char*> arguments = common::argument_pointers(command);
   setenv("SMARTSURF", common::program_path().c_str(), 0);
   execvp(arguments[0], arguments.data());

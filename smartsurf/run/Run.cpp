@@ -78,7 +78,7 @@ script::Experiment Run::load(const RunOptions& options) {
   std::vector<std::string> metrics;
   for (const auto& [name, value] : experiment.metrics()) metrics.push_back(name);
   for (const std::string& name : options.render.plotted_metrics) require_metric("--plot", name, metrics);
-  if (is_apron_program(options.controller)) common::note_input(options.controller);
+  note_controller(options.controller);
   common::require_separate_outputs(named_outputs(options));
   return experiment;
 }

@@ -17,6 +17,7 @@
 #include "apron/run/cli/TerminalMonitor.h"
 #include "apron/run/host/RegisterView.h"
 #include "apron/run/host/SurfaceHost.h"
+#include "apron/run/media/CameraSources.h"
 #include "apron/run/options/CompiledProgram.h"
 #include "apron/run/ui/RunWithUi.h"
 #include "apron/vm/Vm.h"
@@ -191,6 +192,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
       return common::kUserError;
     }
   }
+  for (const std::string& camera : options.cameras) note_camera(camera);
   common::require_separate_outputs(named_outputs(options));
   common::end_of_inputs();
   std::optional<RegisterView> shown;
@@ -216,8 +218,9 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     const int exit = exit_status(ran.status, ran.error, options);
     if (!ran.save_error.empty())
       return std::max<int>(exit, print_error(common::kFailed, "error: " + ran.save_error));
-    const bool written =
-        options.profile.empty() || write_profile(program, ran.profile, ran.ticks, model, options);
+    // What the program may have spoilt is not written, as its own error says.
+    const bool written = options.profile.empty() || common::withheld(options.profile) ||
+                         write_profile(program, ran.profile, ran.ticks, model, options);
     return written ? exit : std::max<int>(exit, common::kFailed);
   });
 }

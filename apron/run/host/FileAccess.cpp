@@ -21,7 +21,9 @@ bool is_within(const fs::path& path, const fs::path& folder) {
 void FileAccess::require_readable(const std::string& file) const {
   if (common::withhold_output(file)) throw_refused(file, "is an output of this command");
   if (!folders_) return;
-  const fs::path real = common::real_path(file);
+  std::error_code error;
+  const fs::path real = common::real_path(file, error);
+  if (common::leads_nowhere(error)) throw_refused(file, "cannot be found: " + error.message());
   const bool allowed = !real.empty() && std::ranges::any_of(*folders_, [&](const std::string& folder) {
     const fs::path real_folder = common::real_path(folder);
     return !real_folder.empty() && is_within(real, real_folder);

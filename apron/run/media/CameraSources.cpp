@@ -8,6 +8,7 @@
 #include "apron/run/media/MediaFile.h"
 #include "apron/run/media/V4l2Camera.h"
 #include "apron/run/media/Y4mReader.h"
+#include "common/files/Inputs.h"
 
 namespace apron::run {
 namespace {
@@ -60,6 +61,13 @@ std::unique_ptr<Camera> open_camera(const std::string& path) {
   if (is_image_name(path)) return std::make_unique<PictureCamera>(std::vector{path});
   if (extension(path) == "y4m") return std::make_unique<VideoFileCamera>(path);
   return std::make_unique<V4l2Camera>(path, open_v4l2_device(path));
+}
+
+void note_camera(const std::string& path) {
+  std::error_code error;
+  common::note_input(fs::path(path));
+  for (const fs::directory_entry& entry : fs::directory_iterator(path, error))
+    if (is_image_name(entry.path().string())) common::note_input(entry.path());
 }
 
 }  // namespace apron::run

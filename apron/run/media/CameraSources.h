@@ -13,4 +13,7 @@ namespace apron::run {
 // MediaError.
 std::unique_ptr<Camera> open_camera(const std::string& path);
 
+// Remembers the files that the camera would read as inputs of this command (common/files/Inputs.h).
+void note_camera(const std::string& path);
+
 }  // namespace apron::run

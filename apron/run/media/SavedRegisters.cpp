@@ -7,6 +7,7 @@
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
 #include "common/error/UserError.h"
+#include "common/files/Inputs.h"
 
 namespace apron::run {
 
@@ -24,6 +25,7 @@ void check_saved(const std::vector<SavedRegister>& saved, const program::Program
 
 std::string save_registers(const std::vector<SavedRegister>& saved, const vm::Vm& vm) {
   for (const SavedRegister& one : saved) {
+    if (common::withheld(one.file)) continue;  // the program has ended with an error that says why
     const vm::Plane plane = vm.plane(*program::find_register(vm.program(), one.name));
     try {
       if (is_image_name(one.file))

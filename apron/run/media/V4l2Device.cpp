@@ -5,6 +5,7 @@
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -65,7 +66,9 @@ std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path) {
   if (stat(path.c_str(), &status) != 0 && errno == ENOENT)
     throw MediaError(vm::HostStatus::kRefused,
                      "there is no camera '" + path + "'; select another one, or a .y4m video, with --camera");
-  if (!S_ISCHR(status.st_mode)) throw_refused(path, "is not a camera; the name of a video must end in .y4m");
+  constexpr unsigned kVideo = 81;  // Linux's number of video devices
+  if (!S_ISCHR(status.st_mode) || major(status.st_rdev) != kVideo)
+    throw_refused(path, "is not a camera; the name of a video must end in .y4m");
   const int fd = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   if (fd != -1) return std::make_unique<LinuxV4l2Device>(fd);
   const int error = errno;

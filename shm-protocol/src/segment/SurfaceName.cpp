@@ -8,10 +8,13 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <exception>
+#include <thread>
 #include <utility>
 
+#include "LivenessLock.h"
 #include "Ownership.h"
 #include "ProcessIdentity.h"
 #include "Segment.h"
@@ -84,6 +87,19 @@ void SurfaceName::remove() noexcept {
   // cleaner holds it for microseconds, and removes nothing while this process lives.
   lock_within_bound(descriptor);
   if (is_still(descriptor, impl_->path)) ::unlink(impl_->path.c_str());
+  ::flock(descriptor, LOCK_UN);
+}
+
+void SurfaceName::remove_if_abandoned() noexcept {
+  const int descriptor = impl_->file.number();
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+  while (is_locked(descriptor, Side::kSurface)) {
+    if (std::chrono::steady_clock::now() >= deadline) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  if (!lock_within_bound(descriptor)) return;
+  if (is_still(descriptor, impl_->path) && !is_locked(descriptor, Side::kSurface))
+    ::unlink(impl_->path.c_str());
   ::flock(descriptor, LOCK_UN);
 }
 

@@ -19,6 +19,8 @@ Array = NDArray[Any]
 Read = TypeVar("Read")
 LEAST_FRAMES = 20
 MOST_MEMORY, MEMORY_OF_BYTE = 2 << 30, 16  # in bytes: to read a file, and to read each of its bytes
+MOST_S, S_OF_BYTE = 60, 2.0**-20  # processor time, likewise
+MOST_OBJECTS, MOST_ATTRIBUTES = 200_000, 8000  # of the groups that are read; of one object
 PR_SET_PDEATHSIG = 1  # of Linux
 SETTLES_S = 0.5  # after a command whose time is not known,
 CROSSES_S = 1.0  # and for how long a cell may move, if the command changed by more than
@@ -128,7 +130,7 @@ def read_apart(path: str | os.PathLike[str], read_file: Callable[[str, h5py.File
     for any amount of memory. Raises RecordingError."""
     name = os.fspath(path)
     if not pathlib.Path(path).is_file():
-        raise RecordingError(f"{name}: no such file")
+        raise RecordingError(f"{name}: {'is not a regular file' if pathlib.Path(path).exists() else 'no such file'}")
     receiver, sender = multiprocessing.Pipe(duplex=False)
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
     child = os.fork()
@@ -147,11 +149,17 @@ def read_apart(path: str | os.PathLike[str], read_file: Callable[[str, h5py.File
         found, error = None, "is damaged: the HDF5 library cannot read it"
     finally:
         receiver.close()
-        os.waitpid(child, 0)
+        _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGPROF:
+        error = f"needs more than {_most_s(name):.0f} s of processor time, the most that a reader of a file of this size may have"
     if error is not None:
         raise RecordingError(f"{name}: {error}")
     result: Read = found
     return result
+
+
+def _most_s(name: str) -> float:
+    return MOST_S + S_OF_BYTE * os.path.getsize(name)
 
 
 def _outcome(name: str, read_file: Callable[[str, h5py.File], Read]) -> tuple[Read | None, str | None]:
@@ -161,6 +169,8 @@ def _outcome(name: str, read_file: Callable[[str, h5py.File], Read]) -> tuple[Re
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
         most = own + MOST_MEMORY + MEMORY_OF_BYTE * os.path.getsize(name)
         resource.setrlimit(resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(most, soft), hard))
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, _most_s(name))
         with h5py.File(name, "r", locking=False) as file:
             _check_is_whole(file)
             return read_file(name, file), None
@@ -173,12 +183,24 @@ def _outcome(name: str, read_file: Callable[[str, h5py.File], Read]) -> tuple[Re
 
 
 def _check_is_whole(file: h5py.File) -> None:
-    """Refuses a file that lets HDF5 open others. Nothing below the second level is read."""
+    """Refuses a file that lets HDF5 open others, or that would take it long. Nothing below the second level is read."""
+    objects = 0
+
+    def bounded(group: Any) -> Any:
+        nonlocal objects
+        if (attributes := len(group.attrs)) > MOST_ATTRIBUTES:
+            raise RecordingError(f"{group.name} has {attributes} attributes; at most {MOST_ATTRIBUTES} are read")
+        objects += len(group) if isinstance(group, h5py.Group) else 0
+        if objects > MOST_OBJECTS:
+            raise RecordingError(f"has more than {MOST_OBJECTS} objects, the most that are read")
+        return group
+
     def own(group: h5py.Group, name: str) -> Any:
         item = group[name] if isinstance(group.get(name, getlink=True), h5py.HardLink) else None
         if item is None or isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
             raise RecordingError(f"{group.name.rstrip('/')}/{name} is not in the file itself")
-        return item
+        return bounded(item)
+    bounded(file)
     for top in file:
         group = own(file, top)
         for name in group if isinstance(group, h5py.Group) else ():

@@ -9,8 +9,9 @@ namespace smartsurf::record {
 
 std::string refusal_of_child(const std::filesystem::path& file, std::size_t memory_bytes,
                              const std::function<void()>& action) {
+  constexpr int kMost_s = 15;
   using End = common::ChildResult::End;
-  const common::ChildLimits limits{.cpu_s = 15.0, .memory_bytes = memory_bytes, .readable = {file}};
+  const common::ChildLimits limits{.cpu_s = kMost_s, .memory_bytes = memory_bytes, .readable = {file}};
   const auto work = [&] {
     try {
       action();
@@ -23,6 +24,8 @@ std::string refusal_of_child(const std::filesystem::path& file, std::size_t memo
   const End end = common::run_in_child(work, limits).end;
   if (end == End::kStopped) throw common::Interrupted();
   if (end == End::kOutOfMemory) return "needs more memory than a reader of recordings may have";
+  if (end == End::kOutOfTime)
+    return "needs more than " + std::to_string(kMost_s) + " s of processor time to be opened";
   return end == End::kReturned ? "" : "is damaged: the HDF5 library cannot read it";
 }
 

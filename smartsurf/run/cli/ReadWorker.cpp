@@ -1,5 +1,6 @@
 #include "smartsurf/run/cli/ReadWorker.h"
 
+#include <fmt/format.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -58,7 +59,8 @@ class PassingOn {
   std::array<struct sigaction, kSignals.size()> before_{};
 };
 
-int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, pid_t parent) {
+int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, pid_t parent,
+               double time_s) {
   std::optional<common::Broker> broker;
   if (!outputs.empty()) {
     broker.emplace(common::output_services(outputs), [&](bool) { common::remove_unnamed(outputs); });
@@ -76,7 +78,10 @@ int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& ou
   }
   // A command that catches signals ends with the parent, whether or not it hears the first one.
   ::setenv("SMARTSURF_PARENT", std::to_string(parent).c_str(), 1);
-  if (job.only_reads) common::limit_address_space(record::memory_to_read(job.recording));
+  if (job.only_reads) {
+    common::limit_address_space(record::memory_to_read(job.recording));
+    common::limit_processor_time(time_s);
+  }
   const int status = job.command();
   common::use_prepared_outputs({}, {});
   return status;
@@ -112,6 +117,7 @@ int read_in_worker(const ReadJob& job) {
   const std::vector<common::PreparedOutput> outputs =
       job.prepare_outputs ? job.prepare_outputs() : std::vector<common::PreparedOutput>();
   const Parts parts(outputs);
+  const double time_s = record::time_to_read_s(job.recording);
   ::prctl(PR_SET_CHILD_SUBREAPER, 1);
   const pid_t parent = ::getpid(), child = ::fork();
   if (child < 0)
@@ -121,7 +127,7 @@ int read_in_worker(const ReadJob& job) {
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (::getppid() != parent) ::_exit(1);
     deferred.reset();
-    ::_exit(run_and_report([&] { return run_worker(job, outputs, parent); }));
+    ::_exit(run_and_report([&] { return run_worker(job, outputs, parent, time_s); }));
   }
   const PassingOn passing_on(child);
   deferred.reset();
@@ -136,6 +142,11 @@ int read_in_worker(const ReadJob& job) {
   for (const int crash : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGSYS})
     if (signal == crash)
       throw scene::InputError(job.recording + ": is damaged: the HDF5 library cannot read it");
+  if (signal == SIGPROF && job.only_reads)
+    throw scene::InputError(
+        fmt::format("{}: needs more than {:.0f} s of processor time, the most that a reader of a "
+                    "file of this size may have",
+                    job.recording, time_s));
   return 128 + signal;
 }
 

@@ -18,7 +18,7 @@ struct ReadJob {
   std::function<std::vector<common::PreparedOutput>()> prepare_outputs = nullptr;
   // The other files that it may read and write; nullopt: it is not confined.
   std::optional<common::Confinement> confinement = common::Confinement();
-  // True if it only reads, within memory_to_read().
+  // True if it only reads, within memory_to_read() and time_to_read_s().
   bool only_reads = true;
   // Runs before `command`, unconfined.
   std::function<void()> prepare = nullptr;

@@ -44,8 +44,11 @@ fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subjec
   if (sandbox.options.output_folder.empty())
     throw_path_error(subject, path, "cannot be written: this run has no output folder");
   create_output_folder(sandbox.options.output_folder);
+  std::error_code unreachable;
   const fs::path output = common::real_path(sandbox.options.output_folder),
-                 real = common::real_path(output / path);
+                 real = common::real_path(output / path, unreachable);
+  if (common::leads_nowhere(unreachable))
+    throw_path_error(subject, path, "cannot be found: " + unreachable.message());
   if (real.empty() || output.empty() || !is_within(real, output))
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
   std::error_code error;
@@ -63,18 +66,40 @@ void push_path(lua_State* L, const fs::path& path) {
   lua_pushlstring(L, text.data(), text.size());
 }
 
-// io.open(path, mode). Upvalue: Lua's io.open.
+// Where the path cannot be followed: as Lua's io.open, which returns nil, a message and the system's number.
+int push_failure(lua_State* L, const std::string& path, const std::error_code& error) {
+  lua_pushnil(L);
+  const std::string text = to_single_line(path) + ": " + error.message();
+  lua_pushlstring(L, text.data(), text.size());
+  lua_pushinteger(L, error.value());
+  return 3;
+}
+
+// io.open(path, mode). Upvalue: Lua's io.open. Throws what the sandbox refuses: a script that goes on without
+// looking at the result would not do what it says.
 int io_open(Sandbox& sandbox, lua_State* L) {
   lua_settop(L, 2);
   const std::string path = check_string(L, 1, "io.open: path");
   const std::string mode = lua_isnil(L, 2) ? "r" : check_string(L, 2, "io.open: mode");
   const bool reads = mode == "r" || mode == "rb";
+  if (std::error_code error; !sandbox.options.unsafe) {
+    const fs::path& base = reads ? sandbox.script_folder : sandbox.options.output_folder;
+    if (reads || !base.empty()) (void)common::real_path(base / path, error);
+    if (common::leads_nowhere(error)) return push_failure(L, path, error);
+  }
   const fs::path real = reads ? resolve_readable_path(sandbox, "io.open", path)
                               : resolve_writable_path(sandbox, "io.open", path);
   lua_pushvalue(L, lua_upvalueindex(1));
   push_path(L, real);
   lua_pushlstring(L, mode.data(), mode.size());
   lua_call(L, 2, LUA_MULTRET);
+  if (std::error_code error; !reads && lua_isnil(L, 3) && !fs::is_directory(real.parent_path(), error)) {
+    const std::string text = to_single_line(path) + ": there is no such folder in " +
+                             to_single_line(sandbox.options.output_folder.string()) +
+                             "/, where a script's files go";
+    lua_pushlstring(L, text.data(), text.size());
+    lua_replace(L, 4);
+  }
   return lua_gettop(L) - 2;
 }
 
@@ -148,8 +173,9 @@ fs::path resolve_readable_path(const Sandbox& sandbox, const std::string& subjec
   if (sandbox.options.unsafe) return sandbox.script_folder / path;
   const fs::path output =
       sandbox.options.output_folder.empty() ? fs::path() : common::real_path(sandbox.options.output_folder);
-  fs::path real = common::real_path(sandbox.script_folder / path);
   std::error_code error;
+  fs::path real = common::real_path(sandbox.script_folder / path, error);
+  if (common::leads_nowhere(error)) throw_path_error(subject, path, "cannot be found: " + error.message());
   if (!fs::exists(real, error) && !output.empty() && fs::exists(common::real_path(output / path), error))
     real = common::real_path(output / path);
   const bool inside = !real.empty() && (is_within(real, sandbox.script_folder) ||

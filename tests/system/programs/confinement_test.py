@@ -167,7 +167,18 @@ class Confinement(ProgramTest):
         child.wait()
         self.wait_for(lambda: not [p for p in self.home.iterdir() if ".part" in p.name], "the broker")
         self.wait_for(lambda: subprocess.run(["pgrep", "-f", controller], stdout=subprocess.DEVNULL).returncode == 1, "the controller's end")
-        self.assertTrue(self.segment().exists())  # the next run, or `clean`, removes it
+        self.assertTrue(self.segment().exists())  # named by the user: the next run, or `clean`, removes it
+
+    def test_killed_run_leaves_no_segment_that_nobody_named(self):
+        (self.home / "p.aps").write_text("!register(A)\nsim.frame\n{\nsim.frame\n}\n")
+        for i in range(12):
+            child = subprocess.Popen([SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--until", "100000"], cwd=self.home,
+                                     stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self.children.append(child)
+            time.sleep(0.05 + 0.08 * i)
+            child.kill()
+            child.wait()
+            self.wait_for(lambda: not list(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{child.pid}*")), "the broker")
 
     def test_script_writes_in_its_folder_alone(self):
         (self.home / "w.lua").write_text(TABLE + "io.open('x.csv', 'w'):write('1\\n'):close()\n")

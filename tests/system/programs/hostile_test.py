@@ -154,9 +154,11 @@ class Outputs(Hostile):
         for link, target in (("link.svg", "r.h5"), ("link.csv", "s.lua"), ("link.png", "part.lua"), ("link.npy", "inner.aps")):
             (self.folder / link).symlink_to(target)
         os.link(self.folder / "r.h5", self.folder / "hard.html")
+        self.write("m.onnx", "a model")
         run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
         commands = [(*run, "--stats", "s.lua"), (*run, "--stats", "part.lua"), (*run, "--record", "link.csv"),
                     (*run, "--stats", "./../" + self.folder.name + "/s.lua"), (*run, "--worlds", 2, "--stats", "s.lua"),
+                    (SMARTSURF, "run", "s.lua", "--controller", "m.onnx", "--ticks", 3, "--stats", "m.onnx"),
                     (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "p.aps"),
                     (SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--ticks", 3, "--stats", "inner.aps"),
                     (SMARTSURF, "plot", "r.h5", "-o", "link.svg"), (SMARTSURF, "export", "r.h5", "-o", "hard.html"),
@@ -189,6 +191,40 @@ class Outputs(Hostile):
             self.assertIn(status, (1, 2), f"{command}: {out}{err}")
             self.assertRegex(err, "is an output of this|reads or writes it itself", command)
             self.assertEqual(self.contents(), before, command)
+
+    def test_what_stands_for_a_camera_is_kept(self):
+        (self.folder / "cf").mkdir()
+        for name in ("cam.pgm", "cf/1.pgm"):
+            (self.folder / name).write_bytes(b"P5 2 2 255\n" + bytes(range(4)))
+        (self.folder / "clip.y4m").write_bytes(b"YUV4MPEG2 W2 H2 Cmono\nFRAME\n" + bytes(4))
+        (self.folder / "link.pgm").symlink_to("cam.pgm")
+        (self.folder / "clip.csv").symlink_to("clip.y4m")
+        before = {p: p.read_bytes() for p in self.folder.rglob("*") if p.is_file()}
+        self.write("opens.aps", "!register(A)\nwebcam.open(0)\nA = webcam.read\n")
+        before |= {self.folder / "opens.aps": (self.folder / "opens.aps").read_bytes()}
+        for program in ("p.aps", "opens.aps"):
+            for camera, output in (("cam.pgm", ("--save", "A=cam.pgm")), ("cam.pgm", ("--profile", "cam.pgm")), ("cam.pgm", ("--save", "A=link.pgm")),
+                                   ("link.pgm", ("--save", "A=cam.pgm")), ("cf", ("--save", "A=cf/1.pgm")), ("clip.y4m", ("--save", "A=clip.csv"))):
+                status, out, err = self.run_program(APRON, "run", program, "--size", "2x2", "--ticks", "1", "--camera", camera, *output)
+                self.assertEqual(status, 2, (program, camera, output, out, err))
+                self.assertIn("would overwrite an input", err)
+                self.assertEqual({p: p.read_bytes() for p in before}, before)
+
+    def test_a_refused_program_has_one_line(self):
+        (self.folder / "prog").mkdir()
+        self.write("prog/w.aps", "!register(A)\nio.array.save(A, 'prog/a.csv')\n")
+        for output in (("--save", "A=prog/a.csv"), ("--profile", "prog/a.csv")):
+            status, out, err = self.run_program(APRON, "run", "prog/w.aps", "--size", "1x1", *output)
+            self.assertEqual(status, 2, out + err)
+            self.assertRegex(err, "^[^\n]*is an output of this command\n$")
+
+    def test_names_without_room_for_their_ending_are_refused(self):
+        for name in ("r" * 249 + ".h5", "r" * 252 + ".h5"):
+            status, _, err = self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--record", name)
+            self.assertEqual(status, 2, err)
+            self.assertIn("bytes shorter, because it ends in '.part' until it is complete", err)
+        status, _, err = self.run_program(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--record", "r" * 247 + ".h5")
+        self.assertEqual(status, 0, err)
 
     def test_outputs_are_separate_files(self):
         run = (SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3)
@@ -259,7 +295,10 @@ class RegularFiles(Hostile):
             status, out, err = self.finish(self.start(*run, name + ".aps"), 20)
             self.assertEqual(status, 2, f"{name}: {out}{err}")
             self.assertRegex(err, "regular file|there is no file", name)
-        for camera in ("video9", "f.png", "f.y4m", "/dev/null"):
+        status, _, err = self.finish(self.start(SMARTSURF, "run", self.write("plain.lua", TABLE), "--no-controller", "--record", "f.h5"), 20)
+        self.assertEqual(status, 2, err)
+        self.assertRegex(err, "f.h5: is not a regular file")
+        for camera in ("video9", "f.png", "f.y4m", "/dev/null", "/dev/zero"):
             status, out, err = self.finish(self.start(*run, "camera.aps", "--camera", camera), 20)
             self.assertEqual(status, 2, f"{camera}: {out}{err}")
             self.assertRegex(err, "regular file|not a camera", camera)
@@ -292,6 +331,14 @@ class ApronFiles(Hostile):
             self.assertEqual({p for p in self.folder.rglob("*")}, set(before) | {self.folder / "own/p.aps"})
         _, _, err = self.apron("A = io.array.open('own/link.csv')")  # the folder where the file is
         self.assertIn(f"--allow {(self.folder / 'other').resolve()} ", err)
+
+    def test_endless_links_and_long_names_are_called_so(self):
+        (self.folder / "own/loop").symlink_to("loop")
+        for name, says in (("own/loop", "Too many levels of symbolic links"), ("own/" + "x" * 300 + ".csv", "File name too long")):
+            status, _, err = self.apron(f"A = io.array.open('{name}')")
+            self.assertEqual(status, 2, err)
+            self.assertIn(says, err)
+            self.assertNotIn("--allow", err)
 
     def test_links_do_not_lead_outside_where_the_kernel_does_not_confine(self):
         (self.folder / "own/new.csv").symlink_to("../other/new.csv")  # which does not exist
@@ -555,6 +602,30 @@ class Recordings(Hostile):
                 file["meta/options"].attrs[f"name{name}"] = "value"
         status, out, err = self.run_program("prlimit", "--cpu=2", SMARTSURF, "info", "r.h5")
         self.assertEqual(status, 0, err)
+
+    def test_small_files_take_no_minutes(self):
+        """The cases that HDF5 takes long for; no reader spends more than seconds on them."""
+        import h5py
+        self.record("")
+        whole = (self.folder / "r.h5").read_bytes()
+
+        def nest(file):
+            group = file.require_group("metrics")
+            for _ in range(1000):
+                group = group.create_group("g")
+
+        def fill(file):
+            for i in range(60000):
+                file["meta"].create_group(f"g{i}")
+        for change, status, says in ((nest, 2, "has groups in more than 16 levels"), (fill, 0, "")):
+            (self.folder / "h.h5").write_bytes(whole)
+            with h5py.File(self.folder / "h.h5", "r+") as file:
+                change(file)
+            for command in (("info", "h.h5"), ("plot", "h.h5", "-o", "h.svg"), ("export", "h.h5", "-o", "h.html"), ("replay", "h.h5", "--verify")):
+                found, out, err = self.run_program("prlimit", "--cpu=10", SMARTSURF, *command)
+                self.assertEqual(found, status, (command, out, err))
+                self.assertIn(says, err)
+                self.assertEqual(err.count("\n"), status // 2, err)
 
     def test_irregular_ticks_are_refused(self):
         self.record("")

@@ -5,6 +5,7 @@ import random
 import sys
 import types
 import unittest
+import unittest.mock
 
 from programs import *
 
@@ -497,7 +498,13 @@ class Identification(ProgramTest):
         def replace(file, path, value):
             del file[path]
             file[path] = value
+        with h5py.File(self.folder / "dense.h5", "w", libver="latest") as file:
+            for i in range(8001):
+                file.require_group("many").attrs[f"a{i}"] = i
+        dense = h5py.File(self.folder / "dense.h5")
+        self.addCleanup(dense.close)
         for says, change in (
+                ("/meta/many has 8001 attributes; at most 8000 are read", lambda file: file.copy(dense["many"], "meta/many")),
                 ("/tick is not in the file itself", lambda file: replace(file, "tick", h5py.ExternalLink("pipe", "/tick"))),
                 ("/tick is not in the file itself", lambda file: replace(file, "tick", h5py.SoftLink("/time"))),
                 ("/sensors/pin_height is not in the file itself", lambda file: elsewhere(file, "sensors/pin_height")),
@@ -520,11 +527,17 @@ class Identification(ProgramTest):
 
     def test_a_crash_of_hdf5_is_no_crash_of_the_reader(self):
         sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf import _recorded
         from smartsurf._recorded import RecordingError, read_apart
         recording = self.folder / self.record("table", public())
         self.assertEqual(read_apart(recording, lambda name, file: file["surface"].attrs["rows"]), 4)
         with self.assertRaisesRegex(RecordingError, "table.h5: is damaged"):
             read_apart(recording, lambda name, file: os.kill(os.getpid(), signal.SIGSEGV))
+        with unittest.mock.patch.object(_recorded, "MOST_S", 0.2), self.assertRaisesRegex(RecordingError, "table.h5: needs more than 0 s of processor"):
+            read_apart(recording, lambda name, file: [None for _ in iter(int, 1)])
+        os.mkfifo(self.folder / "fifo.h5")
+        with self.assertRaisesRegex(RecordingError, "fifo.h5: is not a regular file"):
+            read_apart(self.folder / "fifo.h5", lambda name, file: None)
         with self.assertRaisesRegex(RecordingError, "table.h5: .*too much memory"):
             read_apart(recording, lambda name, file: bytes(1 << 33))
 

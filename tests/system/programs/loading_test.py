@@ -62,6 +62,21 @@ class Loading(ProgramTest):
             for file in [BIN / "smartsurf", BIN / "apron", *BIN.parent.glob("lib/libsmartsurf.so")]:
                 self.assertEqual(missing_hardening(file), [], file)
 
+    @unittest.skipUnless(platform.machine() == "x86_64" and "SMARTSURF_HARDEN:BOOL=ON" in (BIN.parent / "CMakeCache.txt").read_text(),
+                         "needs a build with control-flow protection")
+    def test_programs_are_marked_for_control_flow_protection_where_the_system_is(self):
+        """One object without the mark takes it from the program; the C library's startup files of Debian 12 have none."""
+        def marks(file):
+            text = subprocess.run(["readelf", "-n", str(file)], text=True, capture_output=True, env={**os.environ, "LC_ALL": "C"}).stdout
+            return text.count("IBT, SHSTK")
+        for archive in BIN.parent.rglob("*.a"):
+            members = subprocess.run(["ar", "t", str(archive)], text=True, capture_output=True, check=True).stdout.split()
+            self.assertEqual(marks(archive), len(members), archive)
+        subprocess.run(["cc", "-fcf-protection=full", "-o", self.folder / "plain", "-x", "c", "-"], input="int main(void) { return 0; }",
+                       text=True, check=True)
+        for name in ("smartsurf", "apron"):
+            self.assertEqual(marks(BIN / name), marks(self.folder / "plain"), name)
+
     def test_built_and_installed_files_have_no_relative_run_path(self):
         prefix = self.folder / "prefix"
         subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(prefix)], check=True, stdout=subprocess.DEVNULL)
@@ -96,8 +111,9 @@ class Loading(ProgramTest):
 
     def plant_modules(self):
         """Modules of every name that Python might import; those that are imported leave their names in `imported`."""
-        for module in (*sys.stdlib_module_names, *MODULES):
-            self.write(f"{module}.py", f"open({str(self.folder / 'imported')!r}, 'a').write({module!r} + '\\n')\n")
+        for module in (*sys.stdlib_module_names, *MODULES):  # `encodings` is imported before there is open()
+            self.write(f"{module}.py", f"import posix\nposix.write(posix.open({str(self.folder / 'imported')!r}, posix.O_WRONLY | posix.O_CREAT | "
+                       f"posix.O_APPEND, 0o600), b'{module}\\n')\n")
 
     def imported(self, *command, **environment):
         """Of these modules, what the command has imported; and what it said."""
@@ -120,7 +136,7 @@ class Loading(ProgramTest):
         doctor = shutil.copy(ROOT / "scripts/doctor", self.folder / "doctor")
         # Python before 3.11 does not know PYTHONSAFEPATH.
         doctor.write_text(doctor.read_text().replace("PYTHONSAFEPATH", "UNKNOWN"))
-        for environment in ({}, {"PYTHONPATH": "/nowhere"}):
+        for environment in ({}, {"PYTHONPATH": "/nowhere"}, {"PYTHONPATH": "/nowhere:"}, {"PYTHONPATH": ".:/nowhere"}):
             names, out = self.imported(doctor, **environment)
             self.assertEqual(names, [], out)
 
@@ -141,8 +157,9 @@ class Loading(ProgramTest):
             if python and not python.exists():
                 continue
             for statement in statements:
-                names, out = self.imported(SMARTSURF, *statement, **({"SMARTSURF_PYTHON": str(python)} if python else {}))
-                self.assertEqual(names, [], (python, statement, out))
+                for path in ({}, {"PYTHONPATH": "/nowhere:"}, {"PYTHONPATH": ".:/nowhere"}):
+                    names, out = self.imported(SMARTSURF, *statement, **path, **({"SMARTSURF_PYTHON": str(python)} if python else {}))
+                    self.assertEqual(names, [], (python, path, statement, out))
                 self.assertNotIn("needs the Python package smartsurf", out)
 
     def test_sweeps_import_nothing_of_the_current_folder(self):

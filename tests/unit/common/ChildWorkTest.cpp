@@ -36,7 +36,7 @@ TEST(ChildWork, FailsOnCrashesExceptionsAndLimits) {
                   return "";
                 },
                 {.cpu_s = 0.05, .memory_bytes = kLimits.memory_bytes}),
-            ChildResult::End::kFailed);
+            ChildResult::End::kOutOfTime);
   EXPECT_GE(child_time_s() - before_s, 0.03);  // what the child used, but for the kernel's resolution
   EXPECT_NE(end_of([] { return std::string(std::size_t{1} << 30, 'x'); }), ChildResult::End::kReturned);
 }

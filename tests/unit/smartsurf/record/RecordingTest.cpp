@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "smartsurf/record/hdf5/Structure.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/common/SanitizedCases.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
@@ -223,6 +224,56 @@ TEST(Recording, FollowsNothingToOtherFiles) {
   H5Sclose(space);
   H5Fclose(file);
   expect_error(out / "storage.h5", "dataset contacts is stored in another file");
+}
+
+// Limits of what HDF5 takes long for.
+TEST(Recording, BoundsDepthObjectsAndAttributes) {
+  const OutputFolder out;
+  const auto make = [&](const char* name, const auto& change) {
+    write_run(out / name);
+    const hid_t access = H5Pcreate(H5P_FILE_ACCESS);
+    H5Pset_libver_bounds(access, H5F_LIBVER_LATEST, H5F_LIBVER_LATEST);  // adds attributes in linear time
+    const hid_t file = H5Fopen((out / name).c_str(), H5F_ACC_RDWR, access);
+    H5Pclose(access);
+    change(file);
+    H5Fclose(file);
+    return out / name;
+  };
+  const auto nest = [](int depth) {
+    return [depth](hid_t file) {
+      hid_t group = H5Gopen2(file, "metrics", H5P_DEFAULT);
+      for (int i = 1; i < depth; ++i) {
+        const hid_t below = H5Gcreate2(group, "g", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+        H5Gclose(group);
+        group = below;
+      }
+      H5Gclose(group);
+    };
+  };
+  EXPECT_EQ(error_of(make("nested.h5", nest(kMostDepth))), "");
+  expect_error(make("deep.h5", nest(kMostDepth + 1)),
+               "has groups in more than 16 levels, the most that are read");
+  const auto add_attributes = [](hsize_t count) {
+    return [count](hid_t file) {
+      H5Ldelete(file, "meta/options", H5P_DEFAULT);
+      const hid_t group = H5Gcreate2(file, "meta/options", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                  space = H5Screate(H5S_SCALAR);
+      for (hsize_t i = 0; i < count; ++i)
+        H5Aclose(H5Acreate2(group, ("a" + std::to_string(i)).c_str(), H5T_NATIVE_INT, space, H5P_DEFAULT,
+                            H5P_DEFAULT));
+      H5Sclose(space);
+      H5Gclose(group);
+    };
+  };
+  expect_error(make("attributes.h5", add_attributes(kMostAttributes + 1)),
+               "/meta/options has 8001 attributes; at most 8000 are read");
+  expect_error(make("links.h5",
+                    [](hid_t file) {
+                      for (hsize_t i = 0; i < kMostObjects; ++i)
+                        H5Lcreate_soft("/tick", file, ("metrics/s" + std::to_string(i)).c_str(), H5P_DEFAULT,
+                                       H5P_DEFAULT);
+                    }),
+               "has more than 200000 objects, the most that are read");
 }
 
 // A part that cannot be looked up is not taken for one that was not recorded.

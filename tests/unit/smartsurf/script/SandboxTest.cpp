@@ -96,6 +96,18 @@ TEST_F(SandboxTest, ReadsFilesOnlyBesideScript) {
   EXPECT_EQ(error_of("io.open('.')"), "t.lua:1: io.open: '.' is not a regular file");
 }
 
+// As Lua's: nil, a message and the system's number.
+TEST_F(SandboxTest, OpenReturnsNilWhereAPathLeadsNowhere) {
+  std::filesystem::create_symlink("loop", folder / "loop");
+  options.output_folder = folder / "out";
+  load_on_surface("print(io.open('loop')) print(io.open(('x'):rep(300)) == nil) print(io.open('a/b', 'w'))");
+  EXPECT_EQ(printed,
+            "nil\tloop: Too many levels of symbolic links\t40\ntrue\nnil\ta/b: there is no such folder in " +
+                options.output_folder.string() + "/, where a script's files go\t2\n");
+  EXPECT_EQ(error_of("io.lines('loop')"),
+            "t.lua:1: io.lines: 'loop' cannot be found: Too many levels of symbolic links");
+}
+
 TEST_F(SandboxTest, WritesFilesOnlyInOutputFolder) {
   EXPECT_EQ(error_of("io.open('new.csv', 'w')"),
             "t.lua:1: io.open: 'new.csv' cannot be written: this run has no output folder");
