@@ -18,8 +18,8 @@ class Walk {
     const std::string place = path.empty() ? "/" : path;
     H5G_info_t group_info;
     check(H5Gget_info(group, &group_info), place);
-    if (group_info.nlinks > kMostObjects - objects_)
-      throw Hdf5Error("has more than " + std::to_string(kMostObjects) + " objects, the most that are read");
+    if (group_info.nlinks > kMaxObjects - objects_)
+      throw Hdf5Error("has more than " + std::to_string(kMaxObjects) + " objects, the most that are read");
     objects_ += group_info.nlinks;
     for (const std::string& name : names(group, place)) visit(group, path + '/' + name, name, depth);
   }
@@ -43,16 +43,16 @@ class Walk {
     H5O_info_t info;
     check(H5Oget_info_by_name2(group, name.c_str(), &info, H5O_INFO_BASIC | H5O_INFO_NUM_ATTRS, H5P_DEFAULT),
           path);
-    if (info.num_attrs > kMostAttributes)
+    if (info.num_attrs > kMaxAttributes)
       throw Hdf5Error(path + " has " + std::to_string(info.num_attrs) + " attributes; at most " +
-                      std::to_string(kMostAttributes) + " are read");
+                      std::to_string(kMaxAttributes) + " are read");
     if (info.rc > 1 && !seen_.insert(info.addr).second) return;
     if (info.type == H5O_TYPE_DATASET) {
       const Handle dataset(H5Dopen2(group, name.c_str(), H5P_DEFAULT), H5Dclose, path);
       datasets_.push_back({path, extents(dataset)});
     } else if (info.type == H5O_TYPE_GROUP) {
-      if (depth == kMostDepth)
-        throw Hdf5Error("has groups in more than " + std::to_string(kMostDepth) +
+      if (depth == kMaxDepth)
+        throw Hdf5Error("has groups in more than " + std::to_string(kMaxDepth) +
                         " levels, the most that are read");
       enter(open_group(group, name.c_str()), path, depth + 1);
     }

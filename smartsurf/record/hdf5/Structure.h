@@ -9,9 +9,9 @@
 
 namespace smartsurf::record {
 
-inline constexpr int kMostDepth = 16;              // of groups
-inline constexpr hsize_t kMostObjects = 200'000;   // groups, datasets and links
-inline constexpr hsize_t kMostAttributes = 8'000;  // of one object
+inline constexpr int kMaxDepth = 16;              // of groups
+inline constexpr hsize_t kMaxObjects = 200'000;   // groups, datasets and links
+inline constexpr hsize_t kMaxAttributes = 8'000;  // of one object
 
 struct StoredDataset {
   std::string name;  // its path, beginning with '/'

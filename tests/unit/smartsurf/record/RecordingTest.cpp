@@ -250,8 +250,8 @@ TEST(Recording, BoundsDepthObjectsAndAttributes) {
       H5Gclose(group);
     };
   };
-  EXPECT_EQ(error_of(make("nested.h5", nest(kMostDepth))), "");
-  expect_error(make("deep.h5", nest(kMostDepth + 1)),
+  EXPECT_EQ(error_of(make("nested.h5", nest(kMaxDepth))), "");
+  expect_error(make("deep.h5", nest(kMaxDepth + 1)),
                "has groups in more than 16 levels, the most that are read");
   const auto add_attributes = [](hsize_t count) {
     return [count](hid_t file) {
@@ -265,11 +265,11 @@ TEST(Recording, BoundsDepthObjectsAndAttributes) {
       H5Gclose(group);
     };
   };
-  expect_error(make("attributes.h5", add_attributes(kMostAttributes + 1)),
+  expect_error(make("attributes.h5", add_attributes(kMaxAttributes + 1)),
                "/meta/options has 8001 attributes; at most 8000 are read");
   expect_error(make("links.h5",
                     [](hid_t file) {
-                      for (hsize_t i = 0; i < kMostObjects; ++i)
+                      for (hsize_t i = 0; i < kMaxObjects; ++i)
                         H5Lcreate_soft("/tick", file, ("metrics/s" + std::to_string(i)).c_str(), H5P_DEFAULT,
                                        H5P_DEFAULT);
                     }),
