@@ -116,6 +116,11 @@ std::shared_ptr<const scene::Solid> make_solid(
     throw ScriptError("hull and mesh are not available to a script loaded this way");
   scene::SolidResult result;
   try {
+    const std::string name = subject.substr(0, subject.find_last_not_of("=: ") + 1);
+    const Interpreter::NamedOperation operation(
+        *context.interpreter, context.interpreter->current_location(L) + ": " + name +
+                                  ": to find convex pieces takes longer than a script may run: give the "
+                                  "mesh fewer triangles (a few thousand are enough)");
     result = make(*context.options.solid_factory);
   } catch (const scene::InputError& e) {
     throw ScriptError(subject + e.what());

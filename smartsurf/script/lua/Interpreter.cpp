@@ -75,9 +75,17 @@ Interpreter::Interpreter(Sandbox& sandbox, std::size_t memory_limit)
   const LoadOptions& options = sandbox.options;
   if (options.end_process == nullptr || options.unsafe) return;
   watch_ = std::make_unique<OperationWatch>(options.stop, [this](bool stopped) {
-    sandbox_.options.end_process(stopped ? std::string() : sandbox_.file + kOverrun);
+    const std::shared_ptr<const std::string> message = overrun_message_.load();
+    sandbox_.options.end_process(stopped ? std::string() : message ? *message : sandbox_.file + kOverrun);
   });
 }
+
+Interpreter::NamedOperation::NamedOperation(Interpreter& interpreter, std::string overrun)
+    : interpreter_(interpreter) {
+  interpreter_.overrun_message_.store(std::make_shared<const std::string>(std::move(overrun)));
+}
+
+Interpreter::NamedOperation::~NamedOperation() { interpreter_.overrun_message_.store(nullptr); }
 
 Interpreter::~Interpreter() {
   lua_sethook(lua_, nullptr, 0, 0);

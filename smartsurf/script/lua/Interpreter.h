@@ -6,6 +6,7 @@
 
 #include <lua.hpp>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -94,6 +95,18 @@ class Interpreter {
     Interpreter& interpreter_;
     lua_State* caller_;
   };
+  // From here to the end of the scope the call is in an operation of which `overrun` is the message, with
+  // file and line, if it takes too long.
+  class NamedOperation {
+   public:
+    NamedOperation(Interpreter& interpreter, std::string overrun);
+    ~NamedOperation();
+    NamedOperation(const NamedOperation&) = delete;
+    NamedOperation& operator=(const NamedOperation&) = delete;
+
+   private:
+    Interpreter& interpreter_;
+  };
   // Ends the running call with the message, whatever becomes of the Lua error that the caller raises on `L`.
   void end_call(lua_State* L, const std::string& why);
   bool budget_exceeded() const { return budget_exceeded_; }
@@ -154,7 +167,8 @@ class Interpreter {
   std::vector<Chunk> chunks_;
   std::string error_location_;
   std::exception_ptr deferred_exception_;
-  std::unique_ptr<OperationWatch> watch_;  // null without LoadOptions::end_process
+  std::atomic<std::shared_ptr<const std::string>> overrun_message_;  // of a NamedOperation; read by the watch
+  std::unique_ptr<OperationWatch> watch_;                            // null without LoadOptions::end_process
 };
 
 // A registered callback of the script.

@@ -1,6 +1,9 @@
 // Tests the declarations of objects, including solids created by a factory.
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <cstdlib>
+
 #include "tests/unit/smartsurf/script/ScriptFixture.h"
 
 namespace smartsurf::script {
@@ -11,6 +14,8 @@ class FakeSolidFactory : public scene::SolidFactory {
  public:
   scene::SolidResult load_mesh(const scene::MeshRequest& r) override {
     meshes.push_back(r);
+    for (volatile bool spins = r.display_name == "endless.stl"; spins;) {
+    }
     return make_result(r.display_name);
   }
   scene::SolidResult make_hull(const scene::MeshRequest& r) override {
@@ -93,6 +98,20 @@ TEST_F(ObjectsTest, MeshRequestsFileBesideScript) {
   EXPECT_EQ(e.scene().objects[1].shape, scene::ShapeKind::kSolid);
   EXPECT_EQ(e.scene().objects[1].solid->source, "l.obj");
   EXPECT_EQ(e.scene().objects[1].label, "L");
+}
+
+using MeshDeathTest = ObjectsTest;
+
+TEST_F(MeshDeathTest, MeshThatTakesTooLongIsNamed) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  options.load_time_s = 0.3;
+  options.end_process = [](const std::string& message) {
+    std::fprintf(stderr, "%s\n", message.c_str());
+    std::_Exit(2);
+  };
+  EXPECT_EXIT(
+      error_of("\nmesh{file = 'endless.stl', position = {1, 2, 3}}"), testing::ExitedWithCode(2),
+      "t.lua:2: mesh.file: to find convex pieces takes longer than a script may run: give the mesh fewer");
 }
 
 TEST_F(ObjectsTest, FilesHaveUnits) {
