@@ -16,8 +16,8 @@ namespace smartsurf::python {
 
 using simulation::Environment;
 
-// The view of a picture: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that it
-// follows, or −1.
+// The view of a picture: a preset or "X,Y,Z:X,Y,Z", where the camera is and its target, and the object that
+// it follows, or −1.
 using CameraChoice = std::pair<std::string, int>;
 
 view::CameraView camera_view(const std::string& text);
