@@ -67,8 +67,8 @@ std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path) {
     throw MediaError(vm::HostStatus::kRefused,
                      "there is no camera '" + path + "'; select another one, or a .y4m video, with --camera");
   constexpr unsigned kVideo = 81;  // Linux's number of video devices
-  if (!S_ISCHR(status.st_mode) || major(status.st_rdev) != kVideo)
-    throw_refused(path, "is not a camera; the name of a video must end in .y4m");
+  if (!S_ISCHR(status.st_mode)) throw_refused(path, "is not a camera; the name of a video must end in .y4m");
+  if (major(status.st_rdev) != kVideo) throw_refused(path, "is not a camera");
   const int fd = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   if (fd != -1) return std::make_unique<LinuxV4l2Device>(fd);
   const int error = errno;
