@@ -188,10 +188,10 @@ std::size_t memory_to_read(const fs::path& path) {
 }
 
 double time_to_read_s(const fs::path& path) {
-  constexpr double kLeast_s = 60.0, kOfByte_s = 1.0 / (1 << 20);
+  constexpr double kMinTime_s = 60.0, kOfByte_s = 1.0 / (1 << 20);
   std::error_code error;
   const std::uintmax_t file_bytes = fs::file_size(path, error);
-  return kLeast_s + (error ? 0.0 : kOfByte_s * static_cast<double>(file_bytes));
+  return kMinTime_s + (error ? 0.0 : kOfByte_s * static_cast<double>(file_bytes));
 }
 
 Recording Recording::open(const fs::path& path) {

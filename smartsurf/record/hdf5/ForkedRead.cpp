@@ -9,9 +9,9 @@ namespace smartsurf::record {
 
 std::string refusal_of_child(const std::filesystem::path& file, std::size_t memory_bytes,
                              const std::function<void()>& action) {
-  constexpr int kMost_s = 15;
+  constexpr int kMaxTime_s = 15;
   using End = common::ChildResult::End;
-  const common::ChildLimits limits{.cpu_s = kMost_s, .memory_bytes = memory_bytes, .readable = {file}};
+  const common::ChildLimits limits{.cpu_s = kMaxTime_s, .memory_bytes = memory_bytes, .readable = {file}};
   const auto work = [&] {
     try {
       action();
@@ -25,7 +25,7 @@ std::string refusal_of_child(const std::filesystem::path& file, std::size_t memo
   if (end == End::kStopped) throw common::Interrupted();
   if (end == End::kOutOfMemory) return "needs more memory than a reader of recordings may have";
   if (end == End::kOutOfTime)
-    return "needs more than " + std::to_string(kMost_s) + " s of processor time to be opened";
+    return "needs more than " + std::to_string(kMaxTime_s) + " s of processor time to be opened";
   return end == End::kReturned ? "" : "is damaged: the HDF5 library cannot read it";
 }
 
