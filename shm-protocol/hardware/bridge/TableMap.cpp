@@ -302,8 +302,8 @@ std::vector<std::array<float, 3>> TableMap::positions() const {
   if (std::ranges::all_of(boards_, [](const MountedBoard& b) { return b.positions.empty(); })) return {};
   std::vector<std::array<float, 3>> all(std::size_t{rows_} * columns_);
   const auto grid = [&](std::uint32_t row, std::uint32_t column) {
-    return std::array<float, 3>{static_cast<float>((column + 0.5) * pitch_),
-                                static_cast<float>((rows_ - row - 0.5) * pitch_), 0.0F};
+    return std::array<float, 3>{static_cast<float>(column * pitch_),
+                                static_cast<float>((rows_ - 1 - row) * pitch_), 0.0F};
   };
   for (std::uint32_t cell = 0; cell < all.size(); ++cell) all[cell] = grid(cell / columns_, cell % columns_);
   for (std::size_t i = 0; i < boards_.size(); ++i) {

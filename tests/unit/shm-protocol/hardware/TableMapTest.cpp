@@ -129,6 +129,27 @@ TEST(TableMap, CellsAndVectorsFollowTheGeometry) {
   }
 }
 
+// PROTOCOL.md: x = column · pitch, y = (rows − 1 − row) · pitch.
+TEST(TableMap, CellsOfAGridLieWhereThoseWithoutPositionsDo) {
+  const TableSpec spec = table_of({at(0, 0), at(2, 0)});
+  TableMap map(spec);
+  DeviceDescription raised = board_of(2, 3);
+  raised.pitch = 2.0F;
+  DeviceDescription level = raised;
+  for (std::uint32_t cell = 0; cell < 6; ++cell)  // from its own north-west cell
+    raised.positions.push_back(
+        {2.0F * static_cast<float>(cell % 3), -2.0F * static_cast<float>(cell / 3), 0.5F});
+  map.mount(0, raised);
+  map.mount(1, level);
+  map.freeze();
+  const auto positions = map.positions();
+  ASSERT_EQ(positions.size(), 12U);
+  for (std::uint32_t cell = 0; cell < 12; ++cell) {
+    const float x = 2.0F * static_cast<float>(cell % 3), y = 2.0F * (3.0F - static_cast<float>(cell / 3));
+    EXPECT_EQ(positions[cell], (std::array<float, 3>{x, y, cell < 6 ? 0.5F : 0.0F})) << cell;
+  }
+}
+
 TEST(TableMap, MistakesNameFileLineAndBoards) {
   const auto d = board_of(2, 3);
   EXPECT_EQ(error_of(table_of({at(0, 0), at(1, 2)}, true), {d, d}),
