@@ -29,7 +29,7 @@ std::size_t memory_to_read(const std::filesystem::path& path);
 // Processor time to read, draw or convert the file: well above what any recording of its size needs.
 double time_to_read_s(const std::filesystem::path& path);
 
-// Of a recording without has_objects(), in words.
+// Says why a recording without has_objects() has none.
 std::string why_no_objects(const RunMetadata& meta);
 
 class Recording {

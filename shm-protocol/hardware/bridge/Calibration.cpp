@@ -14,7 +14,7 @@ namespace {
 constexpr const char* kFormat = "smartsurf calibration 1";
 constexpr const char* kStateNames[] = {"good", "stuck", "dead"};
 constexpr std::size_t kMaxBytes = std::size_t{1} << 28;
-// Of values and errors in a file.
+// The bounds of values and errors in a file, and of slopes.
 constexpr double kMaxValue = 1e6, kMinSlope = 0.1;
 // May not be more than the range of the actuator.
 constexpr CellFit::Parameter kLengths[] = {CellFit::kZero, CellFit::kPlay, CellFit::kSensorZero};

@@ -33,19 +33,17 @@ surface = function(fields)
 end
 """ % HEIGHT
 _ERRORS = ("noise", "quantize", "latency", "dropout", "false_hits", "drift", "stuck_low", "stuck_high", "dead")
+# For heights alone: the script registers no function, because one may need what another has done.
+_WITHOUT_FUNCTIONS = "at, every, on_tick, on_leave, on_finish, metric, reward, info = " + ", ".join(8 * ["nothing"]) + " "
 
 
-# For cells alone: what the script does every tick to objects that come later does not move a pin.
-_NO_TICKS = "on_tick = nothing "
-
-
-def silent_source(experiment: str | pathlib.Path, ticks: bool = True) -> str:
-    """The script, as re-runs load it. ticks: with what it does in every tick."""
+def silent_source(experiment: str | pathlib.Path, functions: bool = True) -> str:
+    """The script, as re-runs load it. functions: with those that it registers to run later."""
     try:
         text = pathlib.Path(experiment).read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{experiment}: {getattr(error, 'strerror', None) or error}") from error
-    return " ".join(_SILENT.split("\n")) + ("" if ticks else _NO_TICKS) + text
+    return " ".join(_SILENT.split("\n")) + ("" if functions else _WITHOUT_FUNCTIONS) + text
 
 
 def _is_of_pins_alone(simulation: Simulation) -> bool:
@@ -63,7 +61,7 @@ class Rerun:
         given = dict(options or {})
         plain = Simulation(experiment, set=given, source=source)
         by_options: dict[tuple[tuple[str, str], ...], Simulation] = {}
-        without_ticks: dict[Simulation, Simulation] = {}
+        of_heights: dict[Simulation, Simulation] = {}
         self.simulations: list[Simulation] = []  # by recording: with its options
         self.options: list[dict[str, str]] = []  # the same: those that are not the experiment's own
         for recording in recordings:
@@ -72,12 +70,12 @@ class Rerun:
             if key not in by_options:
                 by_options[key] = Simulation(experiment, set=dict(key), source=source) if own else plain
                 if _is_of_pins_alone(by_options[key]):
-                    without_ticks[by_options[key]] = Simulation(experiment, set=dict(key), source=silent_source(experiment, ticks=False))
+                    of_heights[by_options[key]] = Simulation(experiment, set=dict(key), source=silent_source(experiment, functions=False))
             self.simulations.append(by_options[key])
             self.options.append(dict(key))
         self.simulation = self.simulations[0]
-        # By recording: for heights alone, half as long a step where the script has a function of every tick.
-        self._of_heights = [without_ticks.get(s, s) for s in self.simulations]
+        # By recording, for heights alone: without the script's functions, which take about half of a step.
+        self._of_heights = [of_heights.get(s, s) for s in self.simulations]
         self._check_table()
         self.names = {s: set(s.parameters) for s in [*self.simulations, *self._of_heights]}
         self.parameters = set().union(*self.names.values())

@@ -119,7 +119,7 @@ std::shared_ptr<const scene::Solid> make_solid(
     const std::string name = subject.substr(0, subject.find_last_not_of("=: ") + 1);
     const Interpreter::NamedOperation operation(
         *context.interpreter, context.interpreter->current_location(L) + ": " + name +
-                                  ": to find convex pieces takes longer than a script may run: give the "
+                                  ": its convex pieces take longer to find than a script may run: give the "
                                   "mesh fewer triangles (a few thousand are enough)");
     result = make(*context.options.solid_factory);
   } catch (const scene::InputError& e) {

@@ -22,7 +22,7 @@ constexpr float kQuarterTurn = 1.5707963F;
 constexpr NamedNumber kMinVisibleLevel{"min_visible_level", 0.02F};
 // How far parts are sunk into their pins, in radii.
 constexpr NamedNumber kBallRecess{"ball_recess", 0.75F}, kWheelRecess{"wheel_recess", 0.9F};
-// Of the middle of a wheel from that of the cell, in edges of the top: across and along its axle.
+// The distance of a wheel's middle from the cell's, in edges of the top: across and along its axle.
 constexpr NamedNumber kWheelAcross{"wheel_across", 0.15F}, kWheelAlong{"wheel_along", 0.22F};
 constexpr NamedNumber kMaxRotorRadius{"max_rotor_radius", 0.55F};  // pitches
 // Half extents of an arrow, in pitches, and what a strength of 1 adds. Always longer than wide, so that the

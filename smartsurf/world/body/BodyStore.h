@@ -20,8 +20,8 @@ namespace smartsurf::world {
 
 struct RotationBatch;
 
-// Of a body, as read by contact preparation, in one cache line. Friction is stored as a square root, so that
-// the product of two entries is the geometric mean of the coefficients.
+// The radius and the material of a body, as contact preparation reads them. Friction is stored as a square
+// root, so that the product of two entries is the geometric mean of the coefficients.
 struct SurfaceMaterial {
   float radius, friction_root, rolling_friction_root, restitution;
   bool operator==(const SurfaceMaterial&) const = default;

@@ -397,7 +397,7 @@ TEST(Table, PatientBoardsKeepInStep) {
   EXPECT_GE(share, 0.75);
 }
 
-// Of zero, slope, speeds and lag of the good cells: how many 95 % intervals hold what --truth wrote.
+// Counts the 95 % intervals of zero, slope, speeds and lag of the good cells that hold what --truth wrote.
 struct Intervals {
   int held = 0, all = 0, wrong_states = 0;
 };

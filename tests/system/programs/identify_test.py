@@ -167,6 +167,8 @@ class Identification(ProgramTest):
         rows += ["3,2,height,stuck,2.5", "3,3,pin_height,dead,"]
         self.write("secret.csv", "\n".join(rows) + "\n")
         table = public(moves="(cell ~= 14 or time() > 2.95)")  # one cell moves as the recording ends
+        # Functions of the script that need what another one has done in every tick.
+        table += "local last\non_tick(function() last = { time() } end)\nevery(0.5, function() return last[1] end)\non_finish(function() metric('last', last[1]) end)\n"
         recording = self.record("secret", table + "faults { map = 'secret.csv' }\n", *(
             word for name, value in (("actuator.max_speed", speed), ("actuator.max_acceleration", acceleration), ("actuator.lag", lag),
                                      ("sensor.pin_height.noise", noise), ("sensor.pin_height.dropout", 0.01)) for word in ("--vary", f"{name}={value}")))

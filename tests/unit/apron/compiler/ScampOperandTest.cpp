@@ -328,8 +328,8 @@ std::map<std::string, std::vector<double>> run_elementwise(const program::Progra
   return named;
 }
 
-// Of all choices of operands, those are refused that leave a wrong y in some state of the registers; the
-// others leave the right one.
+// All choices of operands: those that leave a wrong y in some state of the registers are refused, the others
+// leave the right one.
 TEST(ScampOperands, SequencesThatWouldComputeAWrongResultAreRefused) {
   WrongCalls wrong;
   std::string declared = "!register(b0, b1, b2, b3, b4, b5)\n", lines;

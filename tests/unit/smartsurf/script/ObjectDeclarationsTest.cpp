@@ -111,7 +111,7 @@ TEST_F(MeshDeathTest, MeshThatTakesTooLongIsNamed) {
   };
   EXPECT_EXIT(
       error_of("\nmesh{file = 'endless.stl', position = {1, 2, 3}}"), testing::ExitedWithCode(2),
-      "t.lua:2: mesh.file: to find convex pieces takes longer than a script may run: give the mesh fewer");
+      "t.lua:2: mesh.file: its convex pieces take longer to find than a script may run: give the mesh fewer");
 }
 
 TEST_F(ObjectsTest, FilesHaveUnits) {

@@ -139,7 +139,7 @@ TEST(ContactKernels, ConservesMomentumAndSkipsUnusedLanes) {
   }
 }
 
-// Of body 1 of three: what contacts have changed since the last substep, 1 u/s, is kept beside the external
+// Body 1 of three keeps what contacts have changed since the last substep, 1 u/s, beside the external
 // change; the rows before and after are left alone.
 TEST(ContactKernels, IntegratesVelocitiesOfTheRowsGiven) {
   std::vector<BodyVelocity> velocity(3, {{2, 3, 4}, 0.5F, {5, 6, 7}, 0.25F});
