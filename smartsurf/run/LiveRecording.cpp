@@ -205,16 +205,15 @@ class LiveRecording {
     auto last = steady_clock::now();
     bool flushed = true;
     while (!common::stop_flag() && !(options_.frames && frames_ >= *options_.frames)) {
-      const Look look = look_now();
-      const Status sensed = observer_.next(Direction::kSensor);
+      const auto [sensed, when] = look_for(Direction::kSensor);
       if (sensed == Status::kOk) {
         finish_frame();
         if (options_.frames && frames_ >= *options_.frames) break;
-        begin_frame(look);
+        begin_frame(when);
         last = steady_clock::now();
         flushed = false;
       }
-      follow_answers(sensed == Status::kOk ? look_now() : look);
+      follow_answers();
       if (sensed == Status::kOk) continue;
       if (sensed != Status::kRepeated && sensed != Status::kTorn) {
         end = sensed;
@@ -232,18 +231,27 @@ class LiveRecording {
   }
 
  private:
-  // When the recorder looks for what is new; `late`: so long after the last time that it says little of when
-  // that came, as after writing.
-  struct Look {
-    steady_clock::time_point at;
-    bool late;
+  // Bounds of when a frame came: the start of the last look that did not find it, and the end of the one that
+  // did. The interval is long if the recorder wrote or the computer was busy.
+  struct Arrival {
+    steady_clock::time_point earliest, latest;
   };
-  Look look_now() {
-    const auto now = steady_clock::now();
-    return {now, now - std::exchange(looked_at_, now) > 2 * poll_};
+  struct Found {
+    Status status;
+    Arrival when;
+  };
+  Found look_for(Direction direction) {
+    const auto start = steady_clock::now();
+    const Status status = observer_.next(direction);
+    steady_clock::time_point& looked_at =
+        direction == Direction::kSensor ? sensors_looked_at_ : answers_looked_at_;
+    const auto earliest = looked_at;
+    if (status != Status::kTorn) looked_at = start;
+    return {status, {earliest, steady_clock::now()}};
   }
+  bool is_known(const Arrival& a) const { return a.latest - a.earliest <= 2 * poll_; }
 
-  void begin_frame(const Look& look) {
+  void begin_frame(const Arrival& when) {
     const shm_protocol::FrameInfo& info = observer_.info(Direction::kSensor);
     // Numbers of frames only grow: a surface that restarts is another session, which ends this observer.
     lost_ = last_frame_ == 0 ? 0 : info.frame - last_frame_ - 1;
@@ -254,22 +262,23 @@ class LiveRecording {
     snapshot_.time_s = info.time_s;
     status_ = info.status;
     seen_ns_ = host_ns();
-    seen_ = look;
+    came_ = when;
     latency_us_ = std::numeric_limits<float>::quiet_NaN();
     open_ = true;
   }
 
   // The newest commands, and how long the answer to the open frame took. That frame is then written, before
   // the next one comes.
-  void follow_answers(const Look& look) {
-    for (Status s = observer_.next(Direction::kActuator); s == Status::kOk;
-         s = observer_.next(Direction::kActuator)) {
+  void follow_answers() {
+    for (Found found = look_for(Direction::kActuator); found.status == Status::kOk;
+         found = look_for(Direction::kActuator)) {
       const shm_protocol::FrameInfo& info = observer_.info(Direction::kActuator);
       actuators_.copy(observer_);
       answered_tick_ = info.tick;
       if (!open_ || info.answers != last_frame_) continue;
-      if (!seen_.late && !look.late)
-        latency_us_ = std::chrono::duration<float, std::micro>(look.at - seen_.at).count();
+      const Arrival answer{std::max(found.when.earliest, came_.earliest), found.when.latest};
+      if (is_known(came_) && is_known(answer))
+        latency_us_ = std::chrono::duration<float, std::micro>(answer.latest - came_.latest).count();
       finish_frame();
     }
   }
@@ -329,8 +338,8 @@ class LiveRecording {
   bool open_ = false;  // a sensor frame waits for its answer, or for the next frame
   std::uint64_t last_frame_ = 0, lost_ = 0, lost_frames_ = 0, frames_ = 0;
   std::uint64_t status_ = 0, seen_ns_ = 0, answered_tick_ = kUnknown;
-  Look seen_{};
-  steady_clock::time_point looked_at_;
+  Arrival came_{};  // the open frame
+  steady_clock::time_point sensors_looked_at_, answers_looked_at_;
   float latency_us_ = 0;
 };
 

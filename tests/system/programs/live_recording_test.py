@@ -188,8 +188,9 @@ class LiveRecordings(ProgramTest):
             known = numpy.isfinite(latency)
             least, most = numpy.array([truth[tick] for tick in f["tick"][:]])[known].T
         self.assertGreater(known.sum(), 10)
-        self.assertGreater((latency[known] - least).min(), -0.002)  # two looks
-        self.assertLess((latency[known] - most).max(), 0.002)
+        two_looks = 0.002001  # holds however busy the computer is: the recorder knows when it looked late
+        self.assertGreater((latency[known] - least).min(), -two_looks)
+        self.assertLess((latency[known] - most).max(), two_looks)
 
     def test_killed_recorder_leaves_a_readable_file(self):
         self.fake()
