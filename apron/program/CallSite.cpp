@@ -9,4 +9,12 @@ std::string format_call_site(const Program& program, std::size_t instruction) {
   return program.files[source->file] + ":" + std::to_string(source->line) + ": ";
 }
 
+std::string format_module_call(const Program& program, std::size_t module) {
+  for (std::size_t i = 0; i < program.code.size(); ++i)
+    for (const Operand& operand : program.code[i].operands)
+      if (operand.kind == OperandKind::kModule && operand.index == module)
+        return format_call_site(program, i);
+  return {};
+}
+
 }  // namespace apron::program

@@ -11,4 +11,7 @@ namespace apron::program {
 // "file:line: " of the instruction, or of the outermost call of the macros that it comes from; "" if unknown.
 std::string format_call_site(const Program&, std::size_t instruction);
 
+// The same of the first instruction that calls a module (an index of Program::modules).
+std::string format_module_call(const Program&, std::size_t module);
+
 }  // namespace apron::program

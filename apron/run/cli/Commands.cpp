@@ -201,8 +201,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
                   height);
   RegisterView* const shown_registers = shown ? &*shown : nullptr;
   return with_host([&](LocalHost& host, const UiSurface& ui) {
-    if (const std::string error =
-            host.load_modules(program.modules, options.modules, module_search_paths(options));
+    if (const std::string error = host.load_modules(program, options.modules, module_search_paths(options));
         !error.empty())
       throw common::UserError(error);
     const ConfinedProgram confined(options, named_outputs(options));

@@ -481,7 +481,7 @@ int debug_program(const Options& options) {
   check_parameters(options, compiled->program);
   LocalHost host(options.parameters, common::interrupt_flag(), host_environment(options));
   if (const std::string error =
-          host.load_modules(compiled->program.modules, options.modules, module_search_paths(options));
+          host.load_modules(compiled->program, options.modules, module_search_paths(options));
       !error.empty())
     throw common::UserError(error);
   return Debugger(options, std::move(*compiled), host).run(std::cin, isatty(STDIN_FILENO) != 0);

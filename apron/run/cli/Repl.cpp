@@ -260,9 +260,9 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   }
   ReplHost host(options_, out_);
   if (const std::string error =
-          host.load_modules(result.program->modules, options_.modules, module_search_paths(options_));
+          host.load_modules(*result.program, options_.modules, module_search_paths(options_));
       !error.empty()) {
-    report = "error: " + error + "\n";
+    report = error + "\n";
     return Outcome::kRuntimeError;
   }
   vm::VmOptions options;

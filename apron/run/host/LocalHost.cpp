@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "apron/program/CallSite.h"
 #include "apron/run/media/ArrayFile.h"
 #include "apron/run/media/CameraSources.h"
 #include "apron/run/media/ImageFile.h"
@@ -107,15 +108,20 @@ HostStatus LocalHost::wait(double seconds) {
   return timers_.wait(seconds, stop_);
 }
 
-std::string LocalHost::load_modules(const std::vector<std::string>& names,
+std::string LocalHost::load_modules(const program::Program& program,
                                     const std::vector<std::string>& permitted,
                                     const std::vector<std::string>& directories) {
-  for (const std::string& name : names)
-    if (std::ranges::find(permitted, name) == permitted.end())
-      return "!module('" + name + "') loads native code: --module " + name +
-             " on the command line permits it";
-  for (const std::string& name : names)
-    if (std::string error = modules_.load(name, directories); !error.empty()) return error;
+  const std::vector<std::string>& names = program.modules;
+  const auto report = [&](std::size_t module, const std::string& problem) {
+    return program::format_module_call(program, module) + "error: " + problem;
+  };
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (std::ranges::find(permitted, names[i]) == permitted.end())
+      return report(i, "!module('" + names[i] + "') loads native code: --module " + names[i] +
+                           " on the command line permits it");
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (const std::string problem = modules_.load(names[i], directories); !problem.empty())
+      return report(i, problem);
   return {};
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "apron/program/Program.h"
 #include "apron/run/host/FileAccess.h"
 #include "apron/run/host/FrameClock.h"
 #include "apron/run/host/KeyScript.h"
@@ -61,9 +62,9 @@ class LocalHost : public vm::Host {
   double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
   vm::HostStatus wait(double seconds) override;
 
-  // Loads the modules that the program names, if they are permitted; call before it runs. Returns an error
-  // message, or empty.
-  std::string load_modules(const std::vector<std::string>& names, const std::vector<std::string>& permitted,
+  // Loads the modules that the program calls, if they are permitted; call before it runs. Returns an error
+  // message with the first call's place, or empty.
+  std::string load_modules(const program::Program&, const std::vector<std::string>& permitted,
                            const std::vector<std::string>& directories);
   vm::HostStatus call_plugin(std::string_view module, int operation,
                              std::span<const vm::PluginArgument> arguments, vm::Plane to,

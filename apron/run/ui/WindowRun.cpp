@@ -189,8 +189,8 @@ class WindowLoop {
     for (ui::ViewModel::SessionCommand& command : model_.take_commands())
       session_thread_.post(std::move(command));
     session_thread_.post([this, program = compiled->program](debugger::DebugSession& session) {
-      const std::string missing = context_.run.host.load_modules(
-          program.modules, context_.run.options.modules, module_search_paths(context_.run.options));
+      const std::string missing = context_.run.host.load_modules(program, context_.run.options.modules,
+                                                                 module_search_paths(context_.run.options));
       if (!missing.empty()) context_.panel.note(missing);  // calling the module will fail
       context_.panel.clear_program();
       session.replace(program);

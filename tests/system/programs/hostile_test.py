@@ -367,7 +367,7 @@ class ApronFiles(Hostile):
         for name in ("evil", "../other/evil", "../own/evil"):
             status, _, err = self.apron(f"!module('{name}')\nplugin(?, 0)")
             self.assertEqual(status, 2)
-            self.assertIn("--module", err)
+            self.assertRegex(err, r"p\.aps:4: error: .*--module")
             self.assertFalse((self.folder / "ran").exists())
         _, _, err = self.apron("!module('evil')\nplugin(?, 0)", "--module", "evil")
         self.assertIn("apron_plugin_version", err)  # it was loaded
