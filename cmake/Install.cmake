@@ -64,9 +64,10 @@ install(FILES ${notices} DESTINATION ${CMAKE_INSTALL_DOCDIR})
 if(SKBUILD)
   install(FILES ${notices} DESTINATION smartsurf COMPONENT python)
 endif()
+install(FILES editors/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME editors.md)
 # Debian reads a package's license from a file of this name.
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
-# Installed, the protocols lie beside the pages that link to them.
+# Installed, the protocols and the page about editors lie beside the pages that link to them.
 install(CODE "set(folder \"${CMAKE_INSTALL_DOCDIR}\")")
 install(CODE [[
   cmake_path(ABSOLUTE_PATH folder BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}")
@@ -75,6 +76,8 @@ install(CODE [[
     file(READ "${page}" text)
     string(REPLACE "](../shm-protocol/PROTOCOL.md" "](PROTOCOL.md" mended "${text}")
     string(REPLACE "](../shm-protocol/hardware/BYTE-PROTOCOL.md" "](BYTE-PROTOCOL.md" mended "${mended}")
+    string(REPLACE "](../editors/README.md" "](editors.md" mended "${mended}")
+    string(REPLACE "](../docs/" "](" mended "${mended}")
     if(NOT mended STREQUAL text)
       file(WRITE "${page}" "${mended}")
     endif()

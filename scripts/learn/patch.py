@@ -1,4 +1,4 @@
-"""Policies for an array of pillars that feel: low-frequency shapes of a patch around the load.
+"""Policies for an array of tactile pillars: low-frequency shapes of a patch around the load.
 
 A policy commands the heights of 5×5 pillars around the object by the six lowest coefficients of their discrete cosine
 transform, as ArrayBot does (arXiv 2306.16857). It observes loads, where the goal is, and the coefficients that it commanded.

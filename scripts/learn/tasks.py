@@ -117,7 +117,7 @@ class NetworkTask(Task):
 
 
 class PatchTask(Task):
-    """A task of pillars that feel, whose policy shapes a patch around the load (patch.py). goal, level, period and step: as
+    """A task of tactile pillars, whose policy shapes a patch around the load (patch.py). goal, level, period and step: as
     of patch.Patches."""
 
     TRAVEL = 5.5
@@ -236,11 +236,11 @@ TASKS = {task.name: task for task in (
     NetworkTask("sort", "two kinds sorted by colour, 24×24 pins", "tasks/colour_sort.lua", "tasks/colour_sort.aps", 30,
                 ("colour.r", "colour.b"), (("height", 0, 6),), NORTH_SOUTH, memory=1, options={"n": 24, "count": 3, "seconds": 30},
                 start=3.0, deviation=2.0, decisions=6_000_000, score=sorting),
-    PatchTask("arraybot_lift", "an object lifted, 16×16 pillars that feel", 8, patch.bowl(0, 0.1, 0), goal="here", level=0.0,
+    PatchTask("arraybot_lift", "an object lifted, 16×16 tactile pillars", 8, patch.bowl(0, 0.1, 0), goal="here", level=0.0,
               step=0.05, deviation=0.1, search=(16, 40, 24), score=succeeding),
-    PatchTask("arraybot_flip", "an object turned over, 16×16 pillars that feel", 10, patch.bowl(1, 0, -1), goal="over",
+    PatchTask("arraybot_flip", "an object turned over, 16×16 tactile pillars", 10, patch.bowl(1, 0, -1), goal="over",
               deviation=0.15, search=(8, 30, 10), score=succeeding),
-    PatchTask("arraybot_relocate", "an object to any goal, 16×16 pillars that feel", 20, patch.bowl(0.5, 0.2, -0.2), goal="lamp",
+    PatchTask("arraybot_relocate", "an object to any goal, 16×16 tactile pillars", 20, patch.bowl(0.5, 0.2, -0.2), goal="lamp",
               deviation=0.1, search=(12, 40, 8)),
     GainTask("delta_align", "a polygon to the middle along the rows, 8×8 delta robots", 40,
              {"STRIDE": (0.25, 0.15), "PACE": (4, 2), "LIFT": (0.1, 0.1), "MIDDLE": (1.2, 0.2), "LEAD": (0.8, 0.5), "NEAR": (3, 1.5),

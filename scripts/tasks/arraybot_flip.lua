@@ -1,4 +1,4 @@
--- An object on 16×16 pillars that feel is to be turned over: by more than 60° from how it lay after a second, and to lie still.
+-- An object on 16×16 tactile pillars is to be turned over: by more than 60° from how it lay after a second, and to lie still.
 local arraybot = require 'arraybot'
 arraybot.surface {}
 

@@ -1,4 +1,4 @@
--- An object anywhere on 16×16 pillars that feel is to be lifted by 3 cm and held still.
+-- An object anywhere on 16×16 tactile pillars is to be lifted by 3 cm and held still.
 local arraybot = require 'arraybot'
 arraybot.surface {}
 

@@ -1,4 +1,4 @@
--- An object anywhere on 16×16 pillars that feel is to lie at a goal. The goal is the pillar below a lamp, which hangs higher
+-- An object anywhere on 16×16 tactile pillars is to lie at a goal. The goal is the pillar below a lamp, which hangs higher
 -- than any object and which only the sensor 'goal' sees.
 local arraybot = require 'arraybot'
 arraybot.surface { sensors = { proximity { name = 'goal', origin = { 0, 0, 40 }, range = 20 } } }

@@ -18,7 +18,7 @@ from smartsurf.run import run  # noqa: E402
 
 CASE_STUDY = HERE.parent / "case-study"
 FILE = HERE / "frozen.toml"
-OLDER = "*Made with an older physics than today's, or by older programs.*\n"
+OUTDATED = "*Outdated: made with another version of the physics or the programs.*\n"
 
 
 def load():
@@ -97,20 +97,19 @@ def physics_digest(smartsurf, table=""):
     return pins if table in PINS_ALONE else digest(pins, state_of("probe_driven", smartsurf))
 
 
+CHANGED = "*`scripts/tasks/frozen.toml` lists the changes of this table's plan, with earlier results.*\n"
+
+
 def changes(name):
-    """The latest change of a table's plan, with both results, as lines below it; the plan has the earlier ones."""
-    found = [entry for entry in load()["changed"] if entry["table"] == name]
-    if not found:
-        return []
-    entry, earlier = found[-1], " Earlier changes: `scripts/tasks/frozen.toml`." if len(found) > 1 else ""
-    return [f"\n*Changed {entry['date']}: {entry['what']}. Before: {entry['before']}; after: {entry['after']}.{earlier}*\n"]
+    """The line below a table whose plan was changed."""
+    return ["\n" + CHANGED] if any(entry["table"] == name for entry in load()["changed"]) else []
 
 
-CHANGES = re.compile(r"(?:\n\*Changed [^\n]*\*\n)*(?=\n<!-- made with plan )")
+CHANGES = re.compile(f"(?:\n{re.escape(CHANGED[:-1])}\n)*(?=\n<!-- made with plan )")
 
 
 def plans_of(name):
-    """The digests of the plan with which a table may have been made: today's, and one that a change names."""
+    """The digests of the plan with which a table may have been made: the current one, and one that a change names."""
     return {section_digest(name), *(entry["made_with"] for entry in load()["changed"] if entry["table"] == name and "made_with" in entry)}
 
 
@@ -128,15 +127,15 @@ def marks(page):
     return {found[1]: found.groups()[1:] for found in MARK.finditer(page)}
 
 
-def mark_older(docs, pages, smartsurf):
-    """Adds a sentence to the tables that another physics or other programs made, and takes it from the others; renews what stands of
-    the plan's changes below them."""
+def mark_outdated(docs, pages, smartsurf):
+    """Adds a sentence to the tables that another physics or other programs made, and takes it from the others; renews the line
+    about changes of the plan."""
     def marked(found):
-        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0].removesuffix("\n" + OLDER), count=1)
-        is_todays = found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1]))
-        return text if is_todays else text + "\n" + OLDER
+        text = CHANGES.sub(lambda _: "".join(changes(found[1])), found[0].removesuffix("\n" + OUTDATED), count=1)
+        is_current = found.groups()[2:] == (physics_digest(smartsurf, found[1]), table_programs_digest(found[1]))
+        return text if is_current else text + "\n" + OUTDATED
     for page in pages:
-        (docs / page).write_text(re.sub(f"{MARK.pattern}(?:\n{re.escape(OLDER)})?", marked, (docs / page).read_text(), flags=re.DOTALL))
+        (docs / page).write_text(re.sub(f"{MARK.pattern}(?:\n{re.escape(OUTDATED)})?", marked, (docs / page).read_text(), flags=re.DOTALL))
 
 
 if __name__ == "__main__":

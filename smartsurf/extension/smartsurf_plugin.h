@@ -66,7 +66,8 @@ typedef struct smartsurf_plugin_channel {
   const char* name;    /* of an actuator's channel; for a sensor what is appended to its name, "" or "_hit" */
   const char* unit;    /* "" = dimensionless */
   double minimum, maximum;
-  /* Target before the first command, and of a dead cell; reading of a cell that senses nothing. */
+  /* The safe value (called `safe` in the protocol): target before the first command, and of a dead cell. For
+   * a sensor, the reading of a cell that senses nothing. */
   double neutral;
   uint32_t flags; /* smartsurf_plugin_channel_flags */
 } smartsurf_plugin_channel;
@@ -102,9 +103,8 @@ enum smartsurf_plugin_shape {
   SMARTSURF_SOLID = 5     /* edge lengths of the bounding box */
 };
 
-/* The objects, ascending by id, and everything that has ever been created. For an actuator's forces the poses
- * are those to which the velocities take the objects by the mean of the times at which the step's substeps
- * begin. */
+/* The objects, ascending by id, and everything that has ever been created. For add_forces() the poses are
+ * extrapolated with the velocities to the mean start time of the step's substeps. */
 typedef struct smartsurf_plugin_objects {
   uint32_t size;
   uint32_t count;

@@ -40,11 +40,10 @@ typedef struct smartsurf_environment smartsurf_environment;
 /* "0.1.0". */
 SMARTSURF_API const char* smartsurf_version(void);
 
-/* Why the latest call of this thread that returned another status than SMARTSURF_OK failed: one line. Valid
- * until the next such call of this thread. */
+/* The one-line message of this thread's last failed call; valid until its next failing call. */
 SMARTSURF_API const char* smartsurf_error(void);
 
-/* Loads an extension (smartsurf_plugin.h) for the rest of the process. Again: does nothing. */
+/* Loads an extension (smartsurf_plugin.h) for the rest of the process. Loading it again has no effect. */
 SMARTSURF_API smartsurf_status smartsurf_load_extension(const char* path);
 
 typedef struct smartsurf_options {

@@ -32,7 +32,7 @@ import runpy
 try:
     import smartsurf
 except ModuleNotFoundError as error:
-    print(f'smartsurf: {module} needs the Python package smartsurf: {error}; pip install smartsurf-apron', file=sys.stderr)
+    print(f'smartsurf: {module} needs the Python package smartsurf: {error}; install the wheel or the checkout (docs/install.md)', file=sys.stderr)
     sys.exit(2)
 runpy.run_module(module, run_name='__main__'))";
 

@@ -1,4 +1,4 @@
-// The interface through which a running script accesses the simulation. smartsurf/run implements it.
+// The interface through which a running script accesses the simulation. smartsurf/simulation implements it.
 #pragma once
 
 #include <cstdint>

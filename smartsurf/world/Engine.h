@@ -1,8 +1,8 @@
 // The physics of one experiment: rigid objects on the field of cells, in fixed time steps.
 //
-// Two implementations: the own one (NativeEngine.h), and Bullet as the reference (bullet/BulletEngine.h),
-// which bullet/EngineFactory.h chooses from. Equal inputs give bit-identical results within one engine, for
-// any number of threads. The object itself is not thread-safe.
+// Two implementations: the native engine (NativeEngine.h), and Bullet as the reference
+// (bullet/BulletEngine.h), which bullet/EngineFactory.h chooses from. Equal inputs give bit-identical results
+// within one engine, for any number of threads. The object itself is not thread-safe.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// The own engine.
+// The native engine.
 //
 // Cells are not bodies: the field is an array, and contacts with it are found by grid arithmetic and in
 // closed form, so the cost grows with the number of contacts and not with the number of cells. Results are

@@ -20,7 +20,7 @@ constexpr std::size_t kMaxIncomplete = 32;
 constexpr double kBalanced = 2e-4;   // what forces may lack, relative to a body's weight
 constexpr double kTolerance = 1e-6;  // of the solution, relative to the weight of the island
 constexpr int kMaxRounds = 12;
-// Weights of components, relative to that of their normal: an object that trembles lifts rather than slips.
+// Weights of components, relative to that of their normal: an object that jitters lifts rather than slips.
 constexpr double kTangentWeight = 0.1, kRollingWeight = 0.01, kTouchingWeight = 0.1;
 
 Vec3d to_double(const Vec3& v) { return v.cast<double>(); }
@@ -246,7 +246,7 @@ bool RestLoads::solve() {
     // A cell that would be overloaded gives way: the bodies are not at rest.
     constexpr double kRounding = 1.0001;
     if (r.load != nullptr) return r.impulse <= kRounding * static_cast<double>(r.limit);
-    // Friction that changes by as much as its cone is wide did not come from a tremble.
+    // Friction that changes by as much as its cone is wide did not come from jitter.
     const bool is_tangent = r.on_a[0] != 0.0 || r.on_a[1] != 0.0 || r.on_a[2] != 0.0;
     return !is_tangent || !r.is_free || std::abs(r.impulse - r.start) * kTangentWeight <= r.weight;
   };

@@ -1,6 +1,6 @@
 // The contact loads of bodies that have fallen asleep: in static equilibrium.
 //
-// An object on uneven pins may tremble without going anywhere, so the impulses of the step in which it falls
+// An object on uneven pins may jitter without going anywhere, so the impulses of the step in which it falls
 // asleep are those of one moment. They are moved to the nearest ones that balance the weight of each body, by
 // least squares relative to the impulses themselves; what the laws of levers determine does not depend on
 // that choice. Loads are not negative. Bodies and the impulses that warm-start them stay as they are.

@@ -22,7 +22,7 @@ float max_point_speed(const BodyStore& b, std::size_t i) {
 }
 
 // True if the mean velocity of any point in the second half of kTimeToSleep_s differs too much from that in
-// the first. Means are compared, because an object under a heavy load may tremble without going anywhere.
+// the first. Means are compared, because an object under a heavy load may jitter without going anywhere.
 bool accelerates(const BodyStore& b, std::size_t i, float dt_s, float scale) {
   const RestMotion& m = b.rest_motion[i];
   const float change = (m.velocity.norm() + m.angular_velocity.norm() * b.bounding_radius[i]) * dt_s;

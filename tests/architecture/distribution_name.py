@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Fails where a message or a page has the reader install `smartsurf` or `apron` of the package index, which are other projects.
+"""Fails where a message or a page has the reader install `smartsurf` or `apron` of the package index, which are other projects, or
+`smartsurf-apron`, which no index is known to have: it is installed from a wheel or a checkout.
 
 usage: distribution_name.py SOURCE_ROOT
 """
@@ -8,7 +9,7 @@ import re
 import sys
 
 FOLDERS = ("common", "smartsurf", "apron", "shm-protocol", "scripts", "docs", "packaging")
-FOREIGN = re.compile(r"pip install (?:-\S+ )*['\"]?(?:smartsurf|apron)(?![\w-])")
+FOREIGN = re.compile(r"pip install (?:-\S+ )*['\"]?(?:smartsurf(?:-apron)?|apron)(?![\w-])")
 
 
 def main(root):
@@ -17,7 +18,7 @@ def main(root):
         if path.suffix in (".cpp", ".py", ".md", "") and path.is_file() and path.name != "changelog.md":
             for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
                 if FOREIGN.search(line):
-                    bad.append(f"{path.relative_to(root)}:{number}: the distribution is smartsurf-apron: {line.strip()}")
+                    bad.append(f"{path.relative_to(root)}:{number}: install the wheel or the checkout: {line.strip()}")
     print("\n".join(bad))
     return 1 if bad else 0
 

@@ -21,6 +21,7 @@ import argparse
 import functools
 import gc
 import json
+import multiprocessing
 import os
 import pathlib
 import subprocess
@@ -98,15 +99,37 @@ def python_share(envs, actions, calls):
     return max(0.0, 1 - least[1] / least[0])
 
 
-def measure_vector(file, n, worlds, threads, how):
-    before = resident_mib()
+def started(file, n, worlds, threads):
+    """The worlds, and the actions of all phases."""
     envs = smartsurf.VectorEnv(file, worlds, threads, copy=False)
     envs.reset(seed=1)
-    actions = [np.ascontiguousarray(np.broadcast_to(heights, envs.action_space.shape)) for heights in wave(n)]
+    return envs, [np.ascontiguousarray(np.broadcast_to(heights, envs.action_space.shape)) for heights in wave(n)]
+
+
+def resident_mib():
+    pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def memory_of_worlds(file, n, worlds, threads):
+    before = resident_mib()
+    envs, actions = started(file, n, worlds, threads)
+    for heights in actions:
+        envs.step(heights)
+    return resident_mib() - before - sum(a.nbytes for a in actions) / 2**20
+
+
+def measure_memory(*case):
+    """MiB of the worlds after a wave, in a process of its own: here they would reuse what earlier cases have freed."""
+    with multiprocessing.get_context("spawn").Pool(1) as fresh:
+        return {"mib": fresh.apply(memory_of_worlds, case)}
+
+
+def measure_vector(file, n, worlds, threads, how):
+    envs, actions = started(file, n, worlds, threads)
     rate, cpu = steps_a_second(lambda i: envs.step(actions[i % PHASES]), worlds, how.seconds)
     share = python_share(envs, actions, max(1, int(0.05 * rate / worlds)))
-    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "python_share": share,
-            "mib": resident_mib() - before - sum(a.nbytes for a in actions) / 2**20}
+    return {"steps_per_s": rate, "steps_per_cpu_s": cpu, "python_share": share}
 
 
 def measure_controlled(file, program, n, worlds, threads, how):
@@ -131,11 +154,6 @@ def measure_pairs(file, program, worlds, how):
     short, long = (np.min([run(ticks) for _ in range(3)], axis=0) for ticks in (episode, episode + more))
     wall, cpu = long - short
     return {"steps_per_s": more * worlds / wall, "steps_per_cpu_s": more * worlds / cpu, "episodes_steps_per_s": episode * worlds / short[0]}
-
-
-def resident_mib():
-    pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def measure_states(file, n):
@@ -306,7 +324,8 @@ def measurements(how):
                 about = {"case": name, "threads": threads}
                 for worlds in WORLDS:
                     if "vector" in how.who and worlds * n * n < MOST_CELLS:
-                        yield {"who": f"VectorEnv, {worlds}", **about, **measure_vector(file, n, worlds, threads, how)}
+                        yield {"who": f"VectorEnv, {worlds}", **about, **measure_vector(file, n, worlds, threads, how),
+                               **measure_memory(file, n, worlds, threads)}
                         gc.collect()
                 for worlds in CONTROLLED if "controller" in how.who else ():
                     yield {"who": f"VectorEnv, {worlds}, controller", **about,

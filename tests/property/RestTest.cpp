@@ -63,7 +63,7 @@ INSTANTIATE_TEST_SUITE_P(Steps, UnevenBed, testing::Values(1.0 / 60, 1.0 / 240))
 
 class SleepingStack : public Rest {};
 
-// Discs on each other tremble with few iterations, or with many. Asleep, the cells bear the weight, below its
+// Discs on each other jitter with few iterations, or with many. Asleep, the cells bear the weight, below its
 // centre.
 TEST_P(SleepingStack, LoadsAreInEquilibrium) {
   int asleep = 0;

@@ -1,5 +1,5 @@
-// Tells new sensor frames of a device from those that firmware that hangs repeats, and from those of a device
-// that has restarted unheard. No I/O.
+// Distinguishes new sensor frames from those repeated by hung firmware and those of a device that restarted
+// unnoticed. No I/O.
 #pragma once
 
 #include <algorithm>

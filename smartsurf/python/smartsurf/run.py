@@ -55,7 +55,7 @@ def program(given: str | os.PathLike[str] | None = None) -> str:
 
 
 def plot(chart: Mapping[str, Any], file: str | os.PathLike[str], smartsurf: str | os.PathLike[str] | None = None) -> None:
-    """Draws a chart as SVG or PNG. chart: its description, as docs/recordings.md has it."""
+    """Draws a chart as SVG, PDF or PNG. chart: its description, as docs/recordings.md has it."""
     with tempfile.TemporaryDirectory(prefix="smartsurf-plot-") as folder:
         description = pathlib.Path(folder, "chart.json")
         description.write_text(json.dumps(chart))

@@ -1,4 +1,4 @@
-// Plots a recording as SVG or PNG, chosen by the file's extension.
+// Plots a recording as SVG, PDF or PNG, chosen by the file's extension.
 //
 // Failure: scene::InputError for an unknown kind or extension, a path that cannot be written, or a recording
 // that lacks the data. The file is replaced atomically.

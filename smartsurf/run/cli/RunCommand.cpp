@@ -51,9 +51,9 @@ void add_script_flags(CLI::App& app, RunFlags& flags) {
   app.add_option("--set", flags.set, "Set an option that the script defines")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
-  app.add_option(
-         "--vary", flags.vary,
-         "Draw a quantity of the scene from a range, as the script's vary{} does; MODE is factor or offset")
+  app.add_option("--vary", flags.vary,
+                 "Draw a quantity of the scene from a range, as the script's vary{} does; MODE is factor, "
+                 "offset or absolute (default)")
       ->type_name("NAME=LOW:HIGH[:MODE]")
       ->allow_extra_args(false);
   app.add_option("--engine", flags.engine, "Physics engine, instead of the script's: native or bullet")
@@ -94,7 +94,7 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
   app.add_flag("--no-controller", flags.no_controller,
                "Run without a controller: the script sets the actuators");
   add_script_flags(app, flags);
-  app.add_option("--threads", flags.threads, "Threads for actuators and sensors; changes no result")
+  app.add_option("--threads", flags.threads, "Threads for physics, actuators and sensors; changes no result")
       ->check(CLI::Range(1, 256))
       ->type_name("N");
   app.add_option(

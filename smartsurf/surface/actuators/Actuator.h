@@ -1,5 +1,6 @@
 // Interface of an actuator model, which drives all cells of one kind: turns targets into cell motion and
-// forces on objects. docs/extending.md shows how to add one.
+// forces on objects. CONTRIBUTING.md says how to add one to this tree, docs/extending.md how to add one as an
+// extension.
 //
 // One physics step: plan(), add_forces() if exerts_forces(), the physics step, commit(). Only the constructor
 // may allocate or throw. A model accesses the field entries of its own cells only.

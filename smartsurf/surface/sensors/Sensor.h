@@ -1,5 +1,5 @@
 // Interface of a sensor model, which turns the state of the world into readings for all cells of the surface.
-// docs/extending.md shows how to add one.
+// CONTRIBUTING.md says how to add one to this tree, docs/extending.md how to add one as an extension.
 //
 // A sensor measures true values; SensorArray applies noise, faults and delays.
 #pragma once

@@ -1,7 +1,7 @@
 // Bullet as the reference engine: rigid bodies, collision detection and solver of Bullet in double precision.
 //
 // A step is several substeps of Bullet with many iterations. Cells near bodies are kinematic boxes
-// (CellPool.h). Runs on the caller's thread. docs/engines.md says what it models otherwise than the own
+// (CellPool.h). Runs on the caller's thread. docs/engines.md says what it models otherwise than the native
 // engine.
 #pragma once
 

@@ -1,5 +1,5 @@
-// Edges that do not exist: where a face of one part is continued by a level face of another, the edge between
-// them is inside a plane, and a contact there must have the normal of that plane.
+// Internal edges: avoids ghost collisions where a face of one part continues in a level face of another. A
+// contact there must have the normal of the common plane.
 #pragma once
 
 #include <limits>

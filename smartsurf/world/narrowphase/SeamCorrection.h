@@ -1,4 +1,4 @@
-// Edges between bodies side by side that do not exist, as those inside one body (InternalEdges.h).
+// Avoids ghost collisions at the seams between adjacent bodies; InternalEdges.h does so within one body.
 #pragma once
 
 #include <cstdint>

@@ -105,7 +105,7 @@ struct SubstepParams {
   float bias_rate, mass_scale, impulse_scale;  // contact softness
   // The share of a contact's steady impulse that its spring bears without deflection, so that loads at rest
   // hardly press bodies into each other. The steady impulse follows the impulse by steady_gain in a substep:
-  // frozen for a step, it would make stacks tremble. Not for spheres.
+  // frozen for a step, it would make stacks jitter. Not for spheres.
   float steady_share, steady_gain;
   float max_bias_velocity;        // u/s
   float substep_fraction = 1.0F;  // substep length / step length

@@ -1,4 +1,4 @@
-// Joints of the own engine: constraints between two bodies, or between a body and the table.
+// Joints of the native engine: constraints between two bodies, or between a body and the table.
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
 // (scene/JointSpec.h). All rows of the bodies that joints connect with each other, a tree, are solved at once

@@ -15,12 +15,12 @@ PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "build/release/python:shm-protocol/
 
 def steps(page):
     """Yields the steps of a page in order: ("write", (file, text)) for a code block that follows a line `file`:, and
-    (program, arguments) for indented lines that run our programs or a Python program with our client. A trailing
+    (program, arguments) for indented lines that run our programs, a Python program with our client, or mkdir. A trailing
     backslash joins lines; a trailing & is kept as an argument."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
     for match in re.finditer(r"^`((?:out/)?[\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
                              r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=[\w/:-]*python (python3)|"
-                             r"(build/venv/bin/python)(?= scripts/hardware/)) ([^#\n]*)",
+                             r"(build/venv/bin/python)(?= scripts/hardware/)|(mkdir)) ([^#\n]*)",
                              text, re.DOTALL | re.MULTILINE):
         file, content, *programs, arguments = match.groups()
         yield ("write", (file, content)) if file else (next(filter(None, programs)), shlex.split(arguments))
@@ -90,13 +90,15 @@ class Docs(ProgramTest):
             for name in ("scripts", "shm-protocol", "smartsurf"):
                 (folder / name).symlink_to(ROOT / name)
             (folder / "build").mkdir()
-            (folder / "out").mkdir()
             (folder / "build/release").symlink_to(BIN.parent)
             waiting, behind = None, []
             fresh = 0  # index in `behind` of the first that belongs to the next command
             for program, arguments in steps(page):
                 if program == "write":
                     (folder / arguments[0]).write_text(arguments[1])
+                    continue
+                if program == "mkdir":
+                    subprocess.run([program, *arguments], cwd=folder, check=True)
                     continue
                 if program == LEARNER and not LEARNS:
                     break  # what follows needs what was learned

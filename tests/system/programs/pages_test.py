@@ -94,6 +94,16 @@ class Pages(ProgramTest):
             shown = set(re.findall(r"--[a-z][a-z-]*", flags))
             self.assertEqual(shown - {"--help"}, there - {"--help"}, f"{program} {command}")
 
+    def test_manual_page_has_every_command_and_flag_of_the_command_line_page(self):
+        manual = text_of("packaging/man/smartsurf.1").replace("\\-", "-")
+        rows = re.findall(r"^\| `smartsurf ([a-z]+)[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
+        self.assertGreater(len(rows), 12)
+        for command, flags in rows:
+            self.assertRegex(manual, rf"(?m)^\.B smartsurf {command}\b", "synopsis")
+            self.assertRegex(manual, rf"(?m)^\.B {command}$", "commands")
+            for flag in re.findall(r"--[a-z][a-z-]*", flags):
+                self.assertRegex(manual, rf"{flag}(?![\w-])", command)
+
     def flags_of(self, *command):
         status, out, err = self.run_program(*command)
         self.assertEqual(status, 0, err)

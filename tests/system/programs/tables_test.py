@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The tables of docs/tasks.md and docs/case-study.md are made as the test plan says, and by today's physics, or say that not."""
+"""The tables of docs/tasks.md and docs/case-study.md are made as the test plan says, and by the current physics, or say that not."""
 import fnmatch
 import importlib.machinery
 import importlib.util
@@ -45,30 +45,30 @@ class Tables(unittest.TestCase):
     def test_a_table_of_another_physics_says_so(self):
         for table, text, (_, made_by, programs) in tables():
             if (made_by, programs) != (plan.physics_digest(SMARTSURF, table), plan.table_programs_digest(table)):
-                self.assertIn(plan.OLDER, text, f"{table}: run scripts/tasks/table --only {table}, or --mark")
+                self.assertIn(plan.OUTDATED, text, f"{table}: run scripts/tasks/table --only {table}, or --mark")
 
-    def test_the_latest_change_stands_below_a_table(self):
+    def test_a_change_of_the_plan_is_said_once_below_a_table(self):
+        changed = {entry["table"] for entry in plan.load()["changed"]}
+        for table, text, _ in tables():
+            self.assertEqual(text.count(plan.CHANGED), int(table in changed), f"{table}: run scripts/tasks/table --mark")
         with tempfile.TemporaryDirectory() as folder:
             page = pathlib.Path(folder) / "case-study.md"
-            latest = "".join(plan.changes("radii"))
-            self.assertEqual(latest.count("*Changed "), 1)
-            self.assertIn("Earlier changes: `scripts/tasks/frozen.toml`", latest)
             text = (ROOT / "docs/case-study.md").read_text()
-            at = text.index("\n<!-- made with plan ", text.index("<!-- radii: written"))
-            page.write_text(text[:at] + "\n*Changed 2001-02-03: all. Before: 1; after: 2.*\n" + text[at:])
-            plan.mark_older(page.parent, [page.name], SMARTSURF)
-            block = page.read_text().partition("<!-- radii: written")[2].partition("<!-- end of radii")[0]
-            self.assertEqual(block.count("*Changed "), 1)
-            self.assertIn(latest, block)
+            at = text.index("\n" + plan.CHANGED, text.index("<!-- radii: written"))
+            for lines in ("", 2 * ("\n" + plan.CHANGED)):
+                page.write_text(text[:at] + lines + text[at + 1 + len(plan.CHANGED):])
+                plan.mark_outdated(page.parent, [page.name], SMARTSURF)
+                block = page.read_text().partition("<!-- radii: written")[2].partition("<!-- end of radii")[0]
+                self.assertEqual(block.count(plan.CHANGED), 1)
 
     def test_marks_of_tables_that_others_write_stay(self):
         with tempfile.TemporaryDirectory() as folder:
             page = pathlib.Path(folder) / "a.md"
             for name, _, _ in tables():
                 mark = f"<!-- {name}: written by scripts/tasks/table -->\n<!-- made with plan 0, physics 0, programs 0 -->\n"
-                page.write_text(f"<!-- x: written by me -->\n\n{plan.OLDER}\n<!-- end of x -->\n{mark}\n{plan.OLDER}\n<!-- end of {name} -->\n")
-                plan.mark_older(page.parent, [page.name], SMARTSURF)
-                self.assertEqual(page.read_text().count(plan.OLDER), 2, name)
+                page.write_text(f"<!-- x: written by me -->\n\n{plan.OUTDATED}\n<!-- end of x -->\n{mark}\n{plan.OUTDATED}\n<!-- end of {name} -->\n")
+                plan.mark_outdated(page.parent, [page.name], SMARTSURF)
+                self.assertEqual(page.read_text().count(plan.OUTDATED), 2, name)
 
     def test_comments_do_not_change_a_scene_and_numbers_do(self):
         scene = "local n = 3 -- cells\nsurface { rows = n }\n"
@@ -121,7 +121,7 @@ class Reproducing(unittest.TestCase):
             begin, end = self.reproduce.block_of(text, table["block"])
             made_by, _ = self.reproduce.made_by(text[begin:end])
             today = plan.physics_digest(SMARTSURF, self.reproduce.PROBES[table["physics"]])
-            if made_by != today and (made_by is None or plan.OLDER not in text[begin:end]):
+            if made_by != today and (made_by is None or plan.OUTDATED not in text[begin:end]):
                 found.append(self.reproduce.name_of(table))
         return found
 
@@ -140,18 +140,18 @@ class Reproducing(unittest.TestCase):
         for table in self.tables:
             self.assertTrue(os.access(ROOT / table["command"].split()[0], os.X_OK), table["command"])
 
-    def test_no_table_is_older_than_its_physics_unsaid(self):
+    def test_no_table_is_outdated_unsaid(self):
         self.assertEqual(self.stale(ROOT / "docs"), [], "run scripts/reproduce NAME…, or scripts/reproduce --mark")
 
     def test_a_table_of_another_physics_is_found(self):
         with tempfile.TemporaryDirectory() as folder:
             docs = pathlib.Path(folder)
             for page in {table["page"] for table in self.tables}:
-                text = (ROOT / "docs" / page).read_text().replace("\n" + plan.OLDER, "")
+                text = (ROOT / "docs" / page).read_text().replace("\n" + plan.OUTDATED, "")
                 (docs / page).write_text(re.sub(r"physics \w+(, p)", r"physics 0123456789abcdef\1", text))
             self.assertEqual(sorted(self.stale(docs)), sorted(self.reproduce.name_of(table) for table in self.tables if "physics" in table))
 
-    def test_list_is_todays(self):
+    def test_list_is_current(self):
         page = (ROOT / "docs/reproducing.md").read_text()
         for table in self.tables:
             self.assertIn(f"`{table['command']}`", page)

@@ -1,4 +1,4 @@
-"""Worlds that differ: a parameter that is set gives the world of a script that declares the value, to the bit."""
+"""Domain randomisation: a parameter that is set gives the world of a script that declares the value, to the bit."""
 import itertools
 import pickle
 import subprocess
