@@ -178,6 +178,10 @@ class LiveRecordings(ProgramTest):
                 sent = [time.monotonic()]
                 surface.publish(tick, tick * 0.02)
                 sent.append(time.monotonic())
+                if tick % 10 == 9:  # two frames wait for the recorder
+                    time.sleep(0.01)
+                    recorder.send_signal(signal.SIGCONT)
+                    time.sleep(0.005)
                 controller.wait()
                 time.sleep(0.003)
                 controller.actuators["height"][:] = 1
@@ -189,6 +193,9 @@ class LiveRecordings(ProgramTest):
                 time.sleep(0.015)
                 if recorder.poll() is not None:
                     break
+                if tick % 10 == 7:
+                    recorder.send_signal(signal.SIGSTOP)
+                    self.wait_for(lambda: fields(recorder.pid)[0] in "TZ", "the recorder to stand still")
         self.assertEqual(self.finish(recorder)[0], 0)
         with self.read() as f:
             latency = f["answers/latency_us"][:] * 1e-6
