@@ -37,7 +37,8 @@ class LiveRecordings(ProgramTest):
 
     def test_equals_what_the_surface_and_its_controller_exchanged(self):
         recorder, controller = self.record("--wait", "60"), self.controller_that_waits()
-        time.sleep(1)
+        for child in recorder, controller:
+            self.wait_for_handler(child, signal.SIGTERM)
         surface = self.fake("--ticks", "200")
         status, out, err = self.finish(recorder)
         self.assertEqual((status, err), (0, ""))
@@ -113,7 +114,7 @@ class LiveRecordings(ProgramTest):
         script.write_text("record { sensors = true, actuators = true }\n" + (ROOT / "scripts/hardware/pillars.lua").read_text())
         surface = self.start(SMARTSURF, "run", str(script), "--shm", self.shm, "--headless", "--until", "2", "--pace", "1", "--record", str(own))
         recorder = self.record()
-        time.sleep(0.5)
+        self.wait_for((self.folder / "live.h5.part").exists, "the recording")
         controller = self.start(APRON, "run", str(ROOT / "scripts/hardware/pillars.aps"), "--shm", self.shm)
         self.assertEqual(self.finish(recorder)[0], 0)
         self.finish(surface), self.finish(controller)
