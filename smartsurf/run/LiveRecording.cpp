@@ -231,8 +231,9 @@ class LiveRecording {
   }
 
  private:
-  // Bounds of when a frame came: the start of the last look that did not find it, and the end of the one that
-  // did. The interval is long if the recorder wrote or the computer was busy.
+  // Bounds of when a frame came: the start of the last look that found none, and the end of the one that
+  // found it. The interval is long if the recorder wrote or the computer was busy, or if no look came between
+  // this frame and another one: both may have waited.
   struct Arrival {
     steady_clock::time_point earliest, latest;
   };
@@ -246,7 +247,10 @@ class LiveRecording {
     steady_clock::time_point& looked_at =
         direction == Direction::kSensor ? sensors_looked_at_ : answers_looked_at_;
     const auto earliest = looked_at;
-    if (status != Status::kTorn) looked_at = start;
+    if (status == Status::kOk)
+      looked_at = {};
+    else if (status != Status::kTorn)
+      looked_at = start;
     return {status, {earliest, steady_clock::now()}};
   }
   bool is_known(const Arrival& a) const { return a.latest - a.earliest <= 2 * poll_; }

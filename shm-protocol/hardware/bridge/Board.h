@@ -15,6 +15,7 @@
 
 #include "shm-protocol/hardware/bridge/ClockSync.h"
 #include "shm-protocol/hardware/bridge/DeviceLine.h"
+#include "shm-protocol/hardware/bridge/EmergencyStop.h"
 #include "shm-protocol/hardware/bridge/FrameSequence.h"
 #include "shm-protocol/hardware/bridge/TableFile.h"
 
@@ -106,6 +107,7 @@ class Board {
   std::uint64_t damaged_packets() const { return line_.link().damaged_packets(); }
   std::uint64_t lost_packets() const { return line_.link().lost_packets(); }
   std::int64_t stop_sent_tick = -1;  // of the table, when the last SSW_STOP_NOW or SSW_ARM was sent
+  EmergencyStop::Release release;    // of the emergency stop
   bool is_driven = true;             // false: handshakes do not send safe values
   bool is_back = false;              // set with the first frame after a silence or a cut; the table clears it
   // Lines for the log, and what the board reports; the table takes them.

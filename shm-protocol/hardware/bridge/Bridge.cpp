@@ -416,7 +416,8 @@ void Bridge::send_actuators(std::uint32_t device_tick, bool is_answer) {
 void Bridge::check_emergency_stop() {
   if (!sequence_.known() || silent_) return;
   const bool was_active = emergency_.active();
-  const std::uint8_t packet = emergency_.packet_for(flags_, device_->name);
+  const std::uint8_t packet =
+      emergency_.packet_for(flags_, sequence_.tick(), device_->period_us, release_, device_->name);
   if (!was_active && emergency_.active()) log_.add("emergency stop by the device");
   // Repeated each period until the device's frames show that it has arrived.
   if (packet == 0 || device_->version < 2 || stop_sent_tick_ == sequence_.tick()) return;
@@ -443,6 +444,7 @@ std::string Bridge::answer(const std::string& command) {
     emergency_.arm();
     if (line_.link().described() && device_->version >= 2) {
       line_.write_reason(SSW_ARM, SSW_NONE);
+      release_ = EmergencyStop::Release(sequence_.tick());
       flush();
     }
     return "armed\n";

@@ -130,6 +130,7 @@ class Bridge {
   std::optional<shm_protocol::SurfaceEndpoint> surface_;
   std::optional<ControlSocket> control_;
   EmergencyStop emergency_;
+  EmergencyStop::Release release_;    // of the device
   unsigned handshakes_ = 0;           // since the line was opened
   std::uint32_t stop_sent_tick_ = 0;  // of the device, when the last SSW_STOP_NOW or SSW_ARM was sent
   std::uint32_t flags_ = 0;           // of the newest sensor frame

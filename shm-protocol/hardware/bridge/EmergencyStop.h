@@ -2,9 +2,11 @@
 // boards until the user releases it.
 #pragma once
 
-#include <chrono>
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <string>
+#include <utility>
 
 #include "shm-protocol/hardware/firmware/wire.h"
 
@@ -12,7 +14,23 @@ namespace hardware {
 
 class EmergencyStop {
  public:
-  using Clock = std::chrono::steady_clock;
+  // A board that has been sent SSW_ARM. Its frames of the next half second may still report the former stop.
+  // They are counted, not timed: a board or a host that stands still meanwhile has not refused the release.
+  class Release {
+   public:
+    Release() = default;  // none
+    explicit Release(std::uint64_t newest_frame) : frame_(newest_frame), looks_(0) {}
+    bool is_due(std::uint64_t newest_frame, std::uint32_t period_us) {
+      if (std::exchange(frame_, newest_frame) != newest_frame && looks_ != kNone) ++looks_;
+      return looks_ >= std::max(kMinFrames, kTime_us / std::max(period_us, 1U));
+    }
+
+   private:
+    static constexpr std::uint32_t kTime_us = 500'000, kMinFrames = 3;
+    static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+    std::uint64_t frame_ = 0;
+    std::uint32_t looks_ = kNone;  // that found another frame
+  };
 
   bool active() const { return reason_ != 0; }
   std::uint32_t reason() const { return reason_; }
@@ -24,28 +42,25 @@ class EmergencyStop {
     cause_ = cause;
   }
   // A board whose line is still pressed stops all again.
-  void arm(Clock::time_point now = Clock::now()) {
+  void arm() {
     reason_ = 0;
     cause_.clear();
-    armed_at_ = now;
   }
-  // What a board needs that reports these flags (SSW_STOPPED): SSW_STOP_NOW, SSW_ARM or 0. Its report of an
-  // own stop stops all.
-  std::uint8_t packet_for(std::uint32_t flags, const std::string& board,
-                          Clock::time_point now = Clock::now()) {
-    const bool stopped = (flags & SSW_STOPPED) != 0;
+  // What a board needs whose newest frame has this number and these flags (SSW_STOPPED): SSW_STOP_NOW,
+  // SSW_ARM or 0. Its report of an own stop stops all.
+  std::uint8_t packet_for(std::uint32_t flags, std::uint64_t frame, std::uint32_t period_us, Release& release,
+                          const std::string& board) {
+    const bool stopped = (flags & SSW_STOPPED) != 0, is_due = release.is_due(frame, period_us);
     if (active()) return stopped ? 0 : SSW_STOP_NOW;
     if (!stopped) return 0;
-    if (now - armed_at_ < kArming) return SSW_ARM;
+    if (!is_due) return SSW_ARM;
     stop(SSW_STOP_BY_LINE, "board '" + board + "'");
     return 0;
   }
 
  private:
-  static constexpr std::chrono::milliseconds kArming{500};  // that boards may take to be released
   std::uint32_t reason_ = 0;
   std::string cause_;
-  Clock::time_point armed_at_{};
 };
 
 }  // namespace hardware

@@ -178,8 +178,6 @@ void TableBridge::create_surface() {
                                static_cast<double>(c.safe)});
   config.channels.push_back({"valid", Direction::kSensor, DType::kU8, 1, "", 0, 1, 0});
   config.channels.push_back({"age", Direction::kSensor, DType::kU8, 1, "ticks", 0, 255, 255});
-  surface_.emplace(create_described_surface(config, "the boards of table '" + spec_.name + "'"));
-  control_.emplace(config.name);
 
   shm_protocol::SurfaceConfig of_boards;
   of_boards.name = boards_name_->name();
@@ -204,7 +202,10 @@ void TableBridge::create_surface() {
       of_boards.channels.push_back(
           {std::string(limit) + "." + c.name, Direction::kSensor, DType::kF32, 1, "", 0, 1e9, 0});
   }
+  // Who finds the table's surface finds that of its boards.
   board_surface_.emplace(shm_protocol::SurfaceEndpoint::create(of_boards));
+  surface_.emplace(create_described_surface(config, "the boards of table '" + spec_.name + "'"));
+  control_.emplace(config.name);
 
   const std::size_t cells = std::size_t{map_.rows()} * map_.columns();
   for (const TableChannel& c : map_.channels()) planes_.emplace_back(cells * c.components, c.safe);
@@ -534,7 +535,8 @@ void TableBridge::check_emergency_stop() {
   for (const auto& board : boards_) {
     if (!board->accepted() || board->silent()) continue;
     const bool was_active = emergency_.active();
-    const std::uint8_t packet = emergency_.packet_for(board->flags(), board->title());
+    const std::uint8_t packet = emergency_.packet_for(board->flags(), board->counters().frames,
+                                                      spec_.period_us, board->release, board->title());
     if (!was_active && emergency_.active()) log_.add("emergency stop by " + emergency_.cause());
     // Repeated each period until the board's frames show that it has arrived.
     if (packet == 0 || board->description().version < 2 || board->stop_sent_tick == tick_) continue;
@@ -557,8 +559,11 @@ std::string TableBridge::answer(const std::string& command) {
   if (command == "arm") {
     if (emergency_.active()) log_.add("the emergency stop is released");
     emergency_.arm();
-    for (const auto& board : boards_)
-      if (board->accepted() && board->description().version >= 2) board->send_reason(SSW_ARM, SSW_NONE);
+    for (const auto& board : boards_) {
+      if (!board->accepted() || board->description().version < 2) continue;
+      board->send_reason(SSW_ARM, SSW_NONE);
+      board->release = EmergencyStop::Release(board->counters().frames);
+    }
     return "armed\n";
   }
   if (command == "status") return status_text();

@@ -106,7 +106,7 @@ class TableBridge {
   TableMap map_;
   std::vector<std::unique_ptr<Board>> boards_;
   std::shared_ptr<shm_protocol::SurfaceName> name_, boards_name_;
-  std::optional<shm_protocol::SurfaceEndpoint> surface_, board_surface_;
+  std::optional<shm_protocol::SurfaceEndpoint> board_surface_, surface_;  // the first one exists longer
   std::optional<ControlSocket> control_;
   EmergencyStop emergency_;
   std::int64_t period_us_, epoch_ = 0;

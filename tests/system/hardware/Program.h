@@ -61,6 +61,13 @@ class Program {
     text << in.rdbuf();
     return text.str();
   }
+  // How often it printed this.
+  std::size_t count_output(const std::string& what) const {
+    const std::string text = output();
+    std::size_t count = 0;
+    for (std::size_t at = text.find(what); at != text.npos; at = text.find(what, at + 1)) ++count;
+    return count;
+  }
   // Waits until it printed this (a test's own time-out ends it) and returns the rest of that line.
   std::string await_output(const std::string& what) const {
     for (;;) {

@@ -25,7 +25,7 @@ class CheckLanguage(ProgramTest):
         return self.run_program(SCRIPT, "--bin", str(bin_folder), *flags)
 
     def test_counts_seeds_and_cases(self):
-        status, out, err = self.check("--minutes", "0.02", "--seed", "7", "--only", "integers", "mathematics")
+        status, out, err = self.check("--minutes", "0.1", "--seed", "7", "--only", "integers", "mathematics")
         self.assertEqual((status, err), (0, ""))
         runs = [tuple(map(int, line.split())) for line in (self.folder / "log").read_text().splitlines()]
         self.assertEqual(runs[0], (7, 1))
@@ -36,7 +36,7 @@ class CheckLanguage(ProgramTest):
         self.assertIn(f" {max(batches) - 7:,} seeds".replace(",", " "), counted["integers"])
 
     def test_tells_a_difference_and_goes_on_after_it(self):
-        status, out, err = self.check("--minutes", "0.02", "--only", "functions", wrong=3)
+        status, out, err = self.check("--minutes", "0.1", "--only", "functions", wrong=3)
         self.assertEqual((status, err), (1, ""))
         self.assertIn("functions, seed 3: Failure\nseed 3, avx2: 2, not 3", out)
         self.assertIn("again: APRON_PROGRAM_FIRST=3 APRON_PROGRAM_SEEDS=1 ", out)

@@ -16,7 +16,7 @@ class Process:
         self.command = pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
 
     def _fields(self):
-        after_name = pathlib.Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        after_name = fields(self.pid)
         return after_name[0], int(after_name[1]), int(after_name[19])
 
     def lives(self):

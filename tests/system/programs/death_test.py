@@ -19,9 +19,10 @@ class Death(ProgramTest):
         return surface, self.start(APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30")
 
     def test_killed_surface_ends_the_controller_with_status_3(self):
-        for delay in (0.05, 0.2, 0.5):
+        for delay in (0, 0.05, 0.3):
             surface, controller = self.start_pair("--until", "600")
-            time.sleep(0.3 + delay)
+            self.wait_for_claim()
+            time.sleep(delay)
             surface.kill()
             surface.communicate()
             status, _, err = self.finish(controller, 20)
@@ -36,10 +37,13 @@ class Death(ProgramTest):
     def test_killed_controller_can_be_replaced(self):
         chance = random.Random(5)
         surface, controller = self.start_pair("--until", "200")
+        killed = 0  # the claim of the last one
         for _ in range(4):
-            time.sleep(0.25 + 0.3 * chance.random())
+            self.wait_for(lambda: self.words("claim") not in (0, killed) or surface.poll() is not None, "the claim")
+            time.sleep(0.3 * chance.random())
             if surface.poll() is not None:
                 break
+            killed = self.words("claim")
             controller.kill()
             controller.communicate()
             controller = self.start(APRON, "run", SORT_APS, "--shm", self.shm)
@@ -50,9 +54,9 @@ class Death(ProgramTest):
         self.assertEqual(self.finish(controller)[0], 0)
 
     def test_killed_child_controller_gives_status_3(self):
-        surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", "exec sleep 600", "--until", "600")
-        time.sleep(0.5)
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", "exec sleep 600", "--until", "600")
         # The controller is a child of the run's broker, or of an unconfined run itself.
+        self.wait_for(self.processes_of_run, "the controller")
         broker = subprocess.run(["pgrep", "-P", str(surface.pid)], capture_output=True, text=True).stdout.split()[0]
         if subprocess.run(["pkill", "-9", "-P", broker], check=False).returncode:
             os.kill(int(broker), signal.SIGKILL)
@@ -62,8 +66,7 @@ class Death(ProgramTest):
 
     def test_killed_broker_ends_the_run_and_the_controller(self):
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", "exec sleep 600", "--until", "600")
-        self.wait_for(self.segment().exists, "the segment")
-        time.sleep(0.3)
+        self.wait_for(self.processes_of_run, "the controller")
         subprocess.run(["pkill", "-9", "-P", str(surface.pid)], check=False)
         status, _, err = self.finish(surface, 20)
         self.assertEqual(status, 3, err)
@@ -128,7 +131,8 @@ class Death(ProgramTest):
     def test_ctrl_c_removes_segment(self):
         for victim in (0, 1):
             pair = self.start_pair("--until", "600")
-            time.sleep(0.6)
+            self.wait_for_claim()
+            self.wait_for_handler(pair[victim], signal.SIGINT)
             pair[victim].send_signal(signal.SIGINT)
             self.assertEqual(self.finish(pair[victim], 20)[0], 130)
             pair[0].send_signal(signal.SIGINT)  # the surface waits for another controller
@@ -152,6 +156,7 @@ class Death(ProgramTest):
     def test_sighup_stops_fake_hardware_cleanly(self):
         fake = self.start(str(BIN / "fake_surface"), "--shm", self.shm)
         self.wait_for(self.segment().exists, "the segment")
+        self.wait_for_handler(fake, signal.SIGHUP)
         fake.send_signal(signal.SIGHUP)
         self.assertEqual(self.finish(fake, 20)[0], 129)
         self.assertFalse(self.segment().exists())
@@ -159,8 +164,8 @@ class Death(ProgramTest):
     def test_nohup_survives_sighup(self):
         pair = (self.start("nohup", SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--ticks", "120"),
                 self.start("nohup", APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30"))
-        self.wait_for(self.segment().exists, "the segment")
-        for child in pair:
+        for child in pair:  # which ignores SIGHUP from nohup on, and handles SIGTERM
+            self.wait_for_handler(child, signal.SIGTERM)
             child.send_signal(signal.SIGHUP)
         for child in pair:
             self.assertEqual(self.finish(child)[0], 0)
@@ -169,12 +174,11 @@ class Death(ProgramTest):
         recording = self.folder / "run.h5"
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--until", "6000",
                              "--record", str(recording), "--set", "hold=0")
-        time.sleep(1.5)
-        before = set(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{surface.pid}*"))
-        self.assertTrue(before)
+        self.wait_for_claim(f"run-{surface.pid}")
+        self.wait_for(recording.exists, "the recording")
         surface.send_signal(signal.SIGTERM)
         self.assertEqual(self.finish(surface, 20)[0], 143)
-        self.assertFalse(set(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{surface.pid}*")))
+        self.assertEqual(list(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{surface.pid}*")), [])
         status, out, err = self.run_program(SMARTSURF, "info", str(recording))
         self.assertEqual(status, 0, err)
         self.assertIn("stopped by the user", out)
@@ -182,7 +186,8 @@ class Death(ProgramTest):
     def test_killed_run_leaves_readable_recording_and_removable_segment(self):
         recording = self.folder / "run.h5"
         surface, controller = self.start_pair("--until", "6000", "--record", str(recording), "--set", "hold=0")
-        time.sleep(2.0)
+        self.wait_for_claim()
+        self.wait_for(recording.exists, "the recording")
         surface.kill()
         surface.communicate()
         self.assertEqual(self.finish(controller, 20)[0], 3)
@@ -200,7 +205,7 @@ class Death(ProgramTest):
 
     def test_second_surface_and_controller_errors_name_first_process(self):
         surface, controller = self.start_pair("--until", "6000", "--set", "hold=0")
-        time.sleep(1.0)
+        self.wait_for_claim()
         status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--shm", self.shm)
         self.assertEqual(status, 2)
         self.assertIn(str(surface.pid), err)
@@ -214,8 +219,7 @@ class Death(ProgramTest):
                                  "for(y, 0, 254)\nfor(x, 0, 254)\nfilter.setElement('k', x, y, 1)\nendfor\nendfor\n"
                                  "A = cell.x\nB = filter.do(A, 'k')\n")
             child = self.start(APRON, "run", program, "--size", "8192x4096")
-            ticks = os.sysconf("SC_CLK_TCK")
-            self.wait_for(lambda: int(pathlib.Path(f"/proc/{child.pid}/stat").read_text().split()[13]) > 2 * ticks, "the filter")
+            self.wait_for_work(child, 2)
             child.send_signal(signal.SIGTERM)
             self.assertEqual(self.finish(child, 60)[0], 128 + signal.SIGTERM)
 

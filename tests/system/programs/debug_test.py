@@ -1,15 +1,7 @@
 """apron debug, by commands from its standard input."""
-import os
-import pathlib
 import random
-import signal
-import subprocess
-import sys
-import tempfile
-import time
-import unittest
 
-APRON = os.path.join(os.environ["SMARTSURF_BIN"], "apron")
+from programs import *
 
 PROGRAM = """!macro_def
 $y = twice($a)
@@ -33,9 +25,9 @@ return
 """
 
 
-class Debug(unittest.TestCase):
+class Debug(ProgramTest):
     def setUp(self):
-        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory(prefix="apron-debug-")))
+        super().setUp()
         self.write(PROGRAM)
 
     def write(self, text):
@@ -184,11 +176,12 @@ class Debug(unittest.TestCase):
     def test_an_endless_loop_is_interrupted(self):
         self.write("n = 0\nwhile(n < 9)\n  n = n * 1\nendwhile\n")
         process = subprocess.Popen([APRON, "debug", "p.aps"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=self.folder, text=True)
+        self.children.append(process)
         process.stdin.write("c\np n\nq\n")
         process.stdin.flush()
-        time.sleep(0.5)
+        self.wait_for_work(process, 0.5)
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=20)
+        out = self.finish(process)[1]
         self.assertEqual((process.returncode, out.splitlines()[-1], "interrupted" in out), (0, "n = 0", True))
 
 

@@ -82,6 +82,7 @@ class Windows(ProgramTest):
         environment = {**os.environ, "DISPLAY": self.display, "XDG_CONFIG_HOME": "/proc/nowhere"}
         child = subprocess.Popen([SMARTSURF], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
         self.children.append(child)
+        self.wait_for_handler(child, signal.SIGTERM)
         time.sleep(2)
         self.assertIsNone(child.poll())
         child.send_signal(signal.SIGTERM)

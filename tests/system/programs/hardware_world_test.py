@@ -29,7 +29,7 @@ class WorldUnderBoards(ProgramTest):
         return self.start(EMULATOR, "--world", self.world, "--tcp", "0", *flags)
 
     def test_boards_move_the_cells_above_which_they_lie_and_sense_them(self):
-        world = self.simulate("--ticks", "150", "--record", "world.h5")
+        world = self.simulate("--ticks", "600", "--record", "world.h5")
         emulator = self.emulate("--boards", "2x2", "--size", "3x2", "--table", "table.toml")
         self.wait_for((self.folder / "table.toml").exists, "the table")
         recorder = self.start(SMARTSURF, "record", "--shm", self.shm, "-o", "live.h5", "--wait", "60")
@@ -37,7 +37,7 @@ class WorldUnderBoards(ProgramTest):
         bridge = self.start(BRIDGE, "--table", "table.toml", "--shm", self.shm)
         status, out, err = self.finish(emulator)
         self.assertEqual((status, err), (0, ""))
-        self.assertRegex(out, r"\nworld steps 15[01]\n")
+        self.assertRegex(out, r"\nworld steps 60[01]\n")
         bridge.terminate()
         for child in (bridge, controller, recorder):
             self.finish(child)
@@ -46,7 +46,7 @@ class WorldUnderBoards(ProgramTest):
             done = inner["actuators/height"][:]
             valid = outer["sensors/valid"][:]
             # What raise.aps commands in a tick; in each tick a board obeys one of these frames, or its safe values.
-            row, column, tick = numpy.mgrid[0:4, 0:6, 0:1000]
+            row, column, tick = numpy.mgrid[0:4, 0:6, 0:2000]
             raised = numpy.moveaxis(1 + numpy.sin((column + row * 0.5 + tick * 0.25) * 0.2), -1, 0)
             raised = numpy.concatenate([raised, numpy.zeros((1, 4, 6))])
             for rows in (slice(0, 2), slice(2, 4)):

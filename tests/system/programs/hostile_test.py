@@ -394,13 +394,8 @@ class Liveness(Hostile):
     def start_controller(self):
         self.write("p.aps", "while(1)\nsurface.actuate('height', 0)\nsurface.step\nendwhile\n")
         controller = self.start(APRON, "run", "p.aps", "--shm", self.shm)
-        self.wait_for(lambda: self.words("claim") != 0, "the claim")
+        self.wait_for_claim()
         return controller
-
-    def words(self, which):
-        offset = {"claim": 512, "surface": 24, "sensors": 640}[which]
-        with open(self.segment(), "rb") as file:
-            return struct.unpack("<Q", os.pread(file.fileno(), 8, offset))[0]
 
     def elsewhere(self, *command):
         """Runs a command in a pid namespace of its own."""
@@ -734,22 +729,21 @@ class Meshes(Hostile):
                 return os.readlink(f"/proc/{pid}/fd/1") == "/dev/null"
             except OSError:
                 return False
-        children = pathlib.Path(f"/proc/{parent}/task/{parent}/children")
-        return [int(pid) for pid in children.read_text().split() if ready(pid)] if children.exists() else []
+        return [pid for pid in children(parent) if ready(pid)]
 
     def test_stop_and_death_end_the_importer(self):
         self.slow_mesh()
         for how in (signal.SIGTERM, signal.SIGKILL):
             run = self.start(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "1")
-            self.wait_for(lambda: self.importers(run.pid) or run.poll() is not None, "the importer")
+            found = []
+            self.wait_for(lambda: found.extend(self.importers(run.pid)) or found or run.poll() is not None, "the importer")
             self.assertIsNone(run.poll(), "the importer ended too soon to be stopped")
-            importer = self.importers(run.pid)[0]
+            importer = found[0]
             os.kill(importer, signal.SIGSTOP)  # as one that never ends
             run.send_signal(how)
             status, _, err = self.finish(run, 20)
             self.assertEqual(status, 128 + signal.SIGTERM if how == signal.SIGTERM else -signal.SIGKILL, err)
-            self.wait_for(lambda: not pathlib.Path(f"/proc/{importer}").exists() or
-                          pathlib.Path(f"/proc/{importer}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z", "the importer's end")
+            self.wait_for(lambda: ended(importer), "the importer's end")
 
 
 if __name__ == "__main__":

@@ -19,8 +19,15 @@ class LiveRecordings(ProgramTest):
     def read(self, file="live.h5"):
         return h5py.File(self.folder / file, locking=False)
 
+    def frames(self, file="live.h5"):
+        try:
+            with self.read(file) as f:
+                return len(f["tick"])
+        except (OSError, KeyError):  # it is being written
+            return 0
+
     def fake(self, *flags):
-        return self.start(str(FAKE), "--shm", self.shm, "--size", "12x8", "--mode", "passive", "--period-ms", "10", *flags)
+        return self.start(str(FAKE), "--shm", self.shm, "--size", "12x8", "--mode", "passive", "--period-ms", "20", *flags)
 
     def controller(self):
         return self.start(APRON, "run", str(PROGRAM), "--shm", self.shm)
@@ -30,7 +37,8 @@ class LiveRecordings(ProgramTest):
 
     def test_equals_what_the_surface_and_its_controller_exchanged(self):
         recorder, controller = self.record("--wait", "60"), self.controller_that_waits()
-        time.sleep(1)
+        for child in recorder, controller:
+            self.wait_for_handler(child, signal.SIGTERM)
         surface = self.fake("--ticks", "200")
         status, out, err = self.finish(recorder)
         self.assertEqual((status, err), (0, ""))
@@ -50,17 +58,17 @@ class LiveRecordings(ProgramTest):
                 numpy.testing.assert_allclose(height[n], 1 + numpy.sin(phase), atol=1e-4)
             latency = f["answers/latency_us"][:]
             self.assertTrue((latency[numpy.isfinite(latency)] >= 0).all())
-            self.assertGreater(numpy.isfinite(latency).sum(), 30)
+            self.assertGreater(numpy.isfinite(latency).sum(), 0)
             self.assertEqual(f["sensors/proximity_hit"].attrs["maximum"], 1)
             meta = f["meta"].attrs
             self.assertEqual((meta["outcome"], meta["ticks"]), ("the surface closed", tick[-1]))
-            self.assertAlmostEqual(meta["control_period_s"], 0.01)
+            self.assertAlmostEqual(meta["control_period_s"], 0.02)
             for name in ("engine", "seed", "dt_s", "iterations", "gravity", "ground", "sleep", "state_hash", "success"):
                 self.assertNotIn(name, meta)
             frames = len(tick)
         info = self.run_program(SMARTSURF, "info", str(self.folder / "live.h5"))[1]
         self.assertNotRegex(info, "(?m)^seed|^state hash|engine|dt ")
-        self.assertIn("control period 0.01 s, passive mode", info)
+        self.assertIn("control period 0.02 s, passive mode", info)
         missing = int(tick[-1]) - int(tick[0]) + 1 - frames
         self.assertRegex(info, rf"(?m)^frames .* every tick{f', {missing} missing' if missing else ''}$")
         self.check_commands("live.h5")
@@ -106,7 +114,7 @@ class LiveRecordings(ProgramTest):
         script.write_text("record { sensors = true, actuators = true }\n" + (ROOT / "scripts/hardware/pillars.lua").read_text())
         surface = self.start(SMARTSURF, "run", str(script), "--shm", self.shm, "--headless", "--until", "2", "--pace", "1", "--record", str(own))
         recorder = self.record()
-        time.sleep(0.5)
+        self.wait_for((self.folder / "live.h5.part").exists, "the recording")
         controller = self.start(APRON, "run", str(ROOT / "scripts/hardware/pillars.aps"), "--shm", self.shm)
         self.assertEqual(self.finish(recorder)[0], 0)
         self.finish(surface), self.finish(controller)
@@ -171,6 +179,10 @@ class LiveRecordings(ProgramTest):
                 sent = [time.monotonic()]
                 surface.publish(tick, tick * 0.02)
                 sent.append(time.monotonic())
+                if tick % 10 == 9:  # two frames wait for the recorder
+                    time.sleep(0.01)
+                    recorder.send_signal(signal.SIGCONT)
+                    time.sleep(0.005)
                 controller.wait()
                 time.sleep(0.003)
                 controller.actuators["height"][:] = 1
@@ -182,12 +194,15 @@ class LiveRecordings(ProgramTest):
                 time.sleep(0.015)
                 if recorder.poll() is not None:
                     break
+                if tick % 10 == 7:
+                    recorder.send_signal(signal.SIGSTOP)
+                    self.wait_for(lambda: fields(recorder.pid)[0] in "TZ", "the recorder to stand still")
         self.assertEqual(self.finish(recorder)[0], 0)
         with self.read() as f:
             latency = f["answers/latency_us"][:] * 1e-6
             known = numpy.isfinite(latency)
             least, most = numpy.array([truth[tick] for tick in f["tick"][:]])[known].T
-        self.assertGreater(known.sum(), 10)
+        self.assertGreater(known.sum(), 0)
         two_looks = 0.002001  # holds however busy the computer is: the recorder knows when it looked late
         self.assertGreater((latency[known] - least).min(), -two_looks)
         self.assertLess((latency[known] - most).max(), two_looks)
@@ -196,7 +211,7 @@ class LiveRecordings(ProgramTest):
         self.fake()
         self.controller()
         recorder = self.record()
-        time.sleep(2.5)
+        self.wait_for(lambda: self.frames() > 60, "60 frames")
         recorder.kill()
         recorder.wait()
         with self.read() as f:
@@ -208,7 +223,7 @@ class LiveRecordings(ProgramTest):
         surface = self.fake()
         self.controller()
         recorder = self.record()
-        time.sleep(1)
+        self.wait_for((self.folder / "live.h5.part").exists, "the recording")
         surface.kill()
         status, out, err = self.finish(recorder)
         self.assertEqual((status, len(err.splitlines())), (3, 1), err)
@@ -224,7 +239,7 @@ class LiveRecordings(ProgramTest):
         status, out, _ = self.finish(self.record("--frames", "20"))
         self.assertEqual((status, out.split()[1]), (0, "20"))
         recorder = self.record(file="b.h5")
-        time.sleep(1)
+        self.wait_for((self.folder / "b.h5.part").exists, "the recording")
         recorder.send_signal(signal.SIGINT)
         self.assertEqual(self.finish(recorder)[0], 130)
         with self.read("b.h5") as f:
@@ -235,17 +250,16 @@ class LiveRecordings(ProgramTest):
         table = self.folder / "t.toml"
         self.start(str(EMULATOR), "--tcp", "0", "--boards", "2x1", "--size", "4x4", "--period-ms", "20", "--table", str(table),
                    "--slew", "3", "--most-moving", "5")
-        while not table.exists():
-            time.sleep(0.05)
-        time.sleep(0.1)
-        bridge = self.start(str(BRIDGE), "--table", str(table), "--shm", self.shm, "--ticks", "150", "--record", str(self.folder / "live.h5"))
+        self.wait_for(table.exists, "the table")
+        bridge = self.start(str(BRIDGE), "--table", str(table), "--shm", self.shm, "--ticks", "600", "--record", str(self.folder / "live.h5"))
         self.controller_that_waits()
         status, out, err = self.finish(bridge)
         self.assertEqual(status, 0, err)
         with self.read() as f:
             self.assertEqual(f["boards/valid"].shape, (len(f["tick"]), 2))
             # Frames from before the recorder was there are neither recorded nor counted.
-            self.assertLessEqual(len(f["tick"]) + f["lost"][:].sum(), 150)
+            self.assertLessEqual(len(f["tick"]) + f["lost"][:].sum(), 600)
+            self.assertLessEqual(len(f["tick"]) + f["lost"][:].sum(), f["tick"][-1] - f["tick"][0] + 1)
             self.assertGreater(len(f["tick"]) + f["lost"][:].sum(), 110)
             valid = f["sensors/valid"][:]
             known = f["boards/valid"][:, 0] <= 1

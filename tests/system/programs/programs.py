@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -12,6 +13,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path.append(str(ROOT / "tests/system"))
 from display import HAS_XVFB, Display  # noqa: E402
+from processes import children, ended, fields, handles, processor_time  # noqa: E402
 
 BIN = pathlib.Path(os.environ.get("SMARTSURF_BIN", ROOT / "build/release/bin"))
 SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
@@ -92,9 +94,31 @@ class ProgramTest(unittest.TestCase):
                 self.fail(f"timed out waiting for: {what() if callable(what) else what}")
             time.sleep(0.01)
 
+    def wait_for_handler(self, child, number):
+        """Waits until the child would handle the signal, which before may end it or be ignored."""
+        self.wait_for(lambda: handles(child.pid, number) or child.poll() is not None, f"the handler of signal {number}")
+
+    def wait_for_work(self, child, seconds):
+        """Waits until the child and those below it have computed for so long."""
+        self.wait_for(lambda: processor_time(child.pid) > seconds or child.poll() is not None, f"{seconds} s of work")
+
+    def wait_for_claim(self, name=None):
+        """Waits until the surface has a controller."""
+        self.wait_for(lambda: self.words("claim", name) != 0, "the claim")
+
+    def words(self, which, name=None):
+        """A word of the surface's header; 0 before there is one."""
+        offset = {"claim": 512, "surface": 24, "sensors": 640}[which]
+        try:
+            with open(self.segment(name), "rb") as file:
+                return struct.unpack("<Q", os.pread(file.fileno(), 8, offset))[0]
+        except FileNotFoundError:
+            return 0
+
     def segment(self, name=None):
         return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
 
 
 __all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMALL_PICTURE", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
-           "has_bullet", "json", "needs_view", "os", "pathlib", "program_seeds", "signal", "subprocess", "tempfile", "time", "unittest"]
+           "children", "ended", "fields", "has_bullet", "json", "needs_view", "os", "pathlib", "program_seeds", "signal", "subprocess", "tempfile", "time",
+           "unittest"]

@@ -72,9 +72,9 @@ class Supervisor(ReliabilityTest):
         path = self.write("loop.lua", "surface { rows = 4, columns = 4 }\non_tick(function() local a = ('x'):rep(1 << 23) "
                           "local b = a .. 'y' while true do local _ = a .. b end end)\n")
         loop = self.start(SMARTSURF, "run", path, "--no-controller", "--until", "9")
-        time.sleep(0.5)
+        self.wait_for_work(loop, 0.5)
         loop.terminate()
-        self.assertEqual(self.finish(loop, 10)[0], 143)
+        self.assertEqual(self.finish(loop, 60)[0], 143)
 
 
 class OlderRecording(ReliabilityTest):
@@ -201,7 +201,7 @@ class Extremes(ReliabilityTest):
             local count = option('count', 4000, 'spheres')
             at(0, function() for i = 1, count do sphere { radius = 0.5, position = { 4, 4, 5 } } end end)
             """)
-        for count, limit, most in (4000, resource.RLIMIT_AS, 1 << 30), (100000, resource.RLIMIT_CPU, 10):
+        for count, limit, most in (4000, resource.RLIMIT_AS, 1 << 30), (100000, resource.RLIMIT_CPU, 30):
             status, err = self.run_limited([SMARTSURF, "run", scene, "--no-controller", "--until", "1", "--set", f"count={count}"],
                                            lambda: resource.setrlimit(limit, (most, most)), patience=120)
             self.assertEqual(status, 1, err)
@@ -263,7 +263,7 @@ class HostileRecording(ReliabilityTest):
     def test_signal_ends_an_operation_that_cannot_be_interrupted(self):
         self.write("attack.txt", str(len(self.ATTACKS) + 1))
         replay = self.start(SMARTSURF, "replay", "run.h5", "--verify")
-        time.sleep(1)
+        self.wait_for_work(replay, 1)
         replay.terminate()
         status, _, err = self.finish(replay, 60)
         self.assertEqual(status, 143, err)

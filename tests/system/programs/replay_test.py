@@ -10,10 +10,10 @@ WAVE = str(ROOT / "scripts/examples/wave.lua")
 
 
 class Replay(ProgramTest):
-    def record_wave(self, *flags):
+    def record_wave(self, *flags, until=1):
         recording = str(self.folder / "wave.h5")
         status, _, err = self.run_program(SMARTSURF, "run", WAVE, "--no-controller", "--record",
-                                          recording, *(flags if "--until" in flags else ("--until", "1", *flags)))
+                                          recording, "--until", str(until), *flags)
         self.assertEqual(status, 0, err)
         return recording
 
@@ -69,7 +69,7 @@ class Replay(ProgramTest):
         self.assertIn("the user intervened after tick 7", err)
 
     def test_a_signal_at_any_time_leaves_no_folder(self):
-        recording, temporary = self.record_wave(), self.folder / "tmp"
+        recording, temporary = self.record_wave(until=20), self.folder / "tmp"
         temporary.mkdir()
         for command in (["--verify"], ["--verify", "--unsafe"]):
             child = self.start("/usr/bin/env", f"TMPDIR={temporary}", SMARTSURF, "replay", recording, *command)
@@ -136,7 +136,7 @@ class Replay(ProgramTest):
     @needs_view
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_video(self):
-        recording = self.record_wave("--until", "0.2")
+        recording = self.record_wave(until=0.2)
         video = self.folder / "wave.mp4"
         status, _, err = self.run_program(SMARTSURF, "replay", recording, "--video", str(video), *SMALL_PICTURE)
         self.assertEqual(status, 0, err)

@@ -83,8 +83,8 @@ class RunFunction(ProgramTest):
     def test_timeout_ends_simulator_and_controller(self):
         mark = self.folder / "pid"
         with self.assertRaises(RunError) as caught:
-            self.run(until=None, controller=f"echo $$ >{mark}; exec sleep 1000", timeout=1)
-        self.assertEqual((caught.exception.status, str(caught.exception)), (124, "timed out after 1 s"))
+            self.run(until=None, controller=f"echo $$ >{mark}; exec sleep 1000", timeout=5)
+        self.assertEqual((caught.exception.status, str(caught.exception)), (124, "timed out after 5 s"))
         pid = mark.read_text().strip()
         self.wait_for(lambda: not pathlib.Path(f"/proc/{pid}").exists(), "the end of the controller")
 

@@ -412,13 +412,14 @@ class Functions(unittest.TestCase):
 
     def test_overhead(self):
         f, a = apron.compile("!register(A, Y)\nY = A + 1\n"), np.ones((4, 4), np.float32)
-        best = math.inf
+        best = {f: math.inf, dict: math.inf}
         for _ in range(30):
-            start = time.process_time()
-            for _ in range(2000):
-                f(A=a)
-            best = min(best, (time.process_time() - start) / 2000)
-        self.assertLess(best, 2e-6)
+            for call in best:
+                start = time.process_time()
+                for _ in range(2000):
+                    call(A=a)
+                best[call] = min(best[call], time.process_time() - start)
+        self.assertLess(best[f] / best[dict], 16)  # about 6: 1 µs, and what a call from Python takes at least
 
     def test_instruction_sets_agree(self):
         a, b = self.cells(50, 70), self.cells(50, 70)

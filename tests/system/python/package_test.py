@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import pathlib
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ except ImportError:
     sys.exit(77)
 import smartsurf
 from experiments import ACTUATORS, CROWD, NOISY, ROOT, TASK_OF_EACH_ACTUATOR, VERDICT_SCENE, VERDICTS, ExperimentTest
+from processes import children, ended
 
 # Boxes and cylinders fall on each other, on faces, edges and corners.
 HEAP = """
@@ -635,20 +637,6 @@ def fork_hash(path, results):
     results.put(s.state_hash)
 
 
-def alive(pid):
-    try:
-        return pathlib.Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
-def children(pid):
-    try:
-        return [int(p) for p in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    except FileNotFoundError:
-        return []
-
-
 def eventually(condition, patience_s=20):
     """The first true value of condition(). The promise is two seconds; a busy machine may need more."""
     deadline = time.monotonic() + patience_s
@@ -693,21 +681,22 @@ class Processes(ExperimentTest):
         for victim in ("python", "simulator"):
             with self.subTest(killed=victim):
                 learner = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.DEVNULL)
-                segments = []
+                segment = None
                 try:
                     simulator = eventually(lambda: children(learner.pid))[0]
                     apron = eventually(lambda: children(simulator))[0]
-                    segments = eventually(lambda: [p for p in pathlib.Path("/dev/shm").iterdir() if str(simulator) in p.name])
+                    segment = pathlib.Path(f"/dev/shm/smartsurf.run-{simulator}")
+                    eventually(segment.exists)
                     os.kill(learner.pid if victim == "python" else simulator, signal.SIGKILL)
                     killed = time.monotonic()
-                    eventually(lambda: not alive(simulator) and not alive(apron))
+                    eventually(lambda: ended(simulator) and ended(apron))
                     print(f"{victim} killed: both ended after {time.monotonic() - killed:.2f} s", flush=True)
                     if victim == "python":
-                        self.assertEqual([p.name for p in segments if p.exists()], [])
+                        self.assertFalse(segment.exists())
                 finally:
                     learner.kill()
                     learner.wait()
-                    for segment in segments:  # a killed simulator cannot remove its own
+                    if segment:  # a killed simulator cannot remove its own
                         segment.unlink(missing_ok=True)
 
     def test_environments_open_no_files_and_no_threads(self):
@@ -722,7 +711,7 @@ class Processes(ExperimentTest):
         del simulations
         gc.collect()
         self.assertEqual(resources(), before)
-        self.assertEqual([n for n in set(os.listdir("/dev/shm")) - segments if str(os.getpid()) in n], [])
+        self.assertEqual([n for n in set(os.listdir("/dev/shm")) - segments if re.search(rf"(?<!\d){os.getpid()}(?!\d)", n)], [])
 
 
 if __name__ == "__main__":

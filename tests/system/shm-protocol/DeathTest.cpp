@@ -13,6 +13,10 @@
 namespace shm_protocol {
 namespace {
 
+// On a busy machine, a life may be over before its first answer: so many may follow until enough answers
+// came.
+constexpr int kMostLives = 1000;
+
 std::ptrdiff_t open_descriptors() {
   return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
 }
@@ -34,7 +38,8 @@ TEST(Death, SessionSurvivesKilledControllers) {
   std::mt19937 random(42);
   std::uint64_t tick = 0, answered_ticks = 0;
   const auto descriptors = open_descriptors();
-  for (int life = 0; life < 60; ++life) {
+  std::uint64_t lives = 0;
+  for (; lives < 60 || (answered_ticks <= 60 && lives < kMostLives); ++lives) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
       return mine.description().session == session && serve(mine, kForever) == Status::kOk ? 0 : 1;
@@ -56,7 +61,7 @@ TEST(Death, SessionSurvivesKilledControllers) {
     }
     EXPECT_FALSE(surface.has_controller());
   }
-  EXPECT_EQ(surface.controllers_seen(), 60u);
+  EXPECT_EQ(surface.controllers_seen(), lives);
   EXPECT_GT(answered_ticks, 60u);
   EXPECT_EQ(surface.counters().clamped, 0u);
   EXPECT_EQ(open_descriptors(), descriptors);
@@ -165,7 +170,7 @@ TEST(Death, ControllerKilledMidAnswerLeavesNoMixedFrame) {
   const std::size_t cells = surface.description().cells();
   std::vector<float> out(cells);
   std::uint64_t tick = 0, whole = 0;
-  for (int life = 0; life < 25; ++life) {
+  for (int life = 0; life < 25 || (whole <= 25 && life < kMostLives); ++life) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
       return static_cast<int>(serve_chunked(mine, out));
@@ -240,7 +245,7 @@ TEST(Death, DetectedWhileStopped) {
   });
   ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
   ASSERT_EQ(run_tick(surface, 0), Status::kOk);
-  controller.signal(SIGSTOP);
+  controller.stop();
   ASSERT_EQ(surface.publish(1, 0.0), Status::kOk);
   EXPECT_EQ(surface.await_actuators(1, {.timeout = 300ms}), Status::kTimeout);  // stopped, but alive
   controller.signal(SIGKILL);

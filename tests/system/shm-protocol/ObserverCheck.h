@@ -7,8 +7,11 @@
 
 namespace shm_protocol {
 
-// Looks until the surface ends; every frame whole and right, their numbers ascending. 0: all was well.
-inline int check_observed_frames(const std::string& name, std::uint64_t& seen) {
+// Looks until the surface ends; every frame whole and right, their numbers ascending. 0: all was well. Calls
+// `on_first` after the first frame.
+template <class OnFirst = void (*)()>
+int check_observed_frames(
+    const std::string& name, std::uint64_t& seen, OnFirst on_first = [] {}) {
   auto observer = ObserverEndpoint::attach(name, {.timeout = 20s});
   std::uint64_t last[2] = {};
   for (;;) {
@@ -24,6 +27,7 @@ inline int check_observed_frames(const std::string& name, std::uint64_t& seen) {
       const bool right = sensor ? matches(observer.array(0), info.tick, sensed)
                                 : matches(observer.array(1), info.tick, commanded);
       if (!right) return 3;
+      if (seen == 1) on_first();
     }
   }
 }

@@ -42,6 +42,13 @@ class Peer {
 
   pid_t pid() const { return pid_; }
   void signal(int number) const { ::kill(pid_, number); }
+  // Suspends it, and returns when it runs no more.
+  void stop() const {
+    signal(SIGSTOP);
+    int status = 0;
+    EXPECT_EQ(::waitpid(pid_, &status, WUNTRACED), pid_);
+    EXPECT_TRUE(WIFSTOPPED(status));
+  }
   // Its exit status, or minus the signal that ended it.
   int wait() {
     int status = 0;

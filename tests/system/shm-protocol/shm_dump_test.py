@@ -5,11 +5,15 @@ usage: shm_dump_test.py SHM_DUMP SURFACE CONTROLLER FROZEN_PAIR
 """
 import json
 import os
+import pathlib
 import signal
 import subprocess
 import sys
 import time
 import unittest
+
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
+from processes import handles  # noqa: E402
 
 SHM_DUMP, SURFACE, CONTROLLER, FROZEN_PAIR = sys.argv[1:5]
 
@@ -144,9 +148,9 @@ class Dump(unittest.TestCase):
         self.assertIn("name", dump("not/a/name", status=2))
         with Pair("status") as pair:
             self.assertIn("proximity_hit, height", dump(pair.name, "--channel", "depth", status=2))
-            follower = subprocess.Popen([SHM_DUMP, pair.name, "--follow=0.01"], stdout=subprocess.DEVNULL,
+            follower = subprocess.Popen([SHM_DUMP, pair.name, "--follow=0.01"], stdout=subprocess.PIPE,
                                         stderr=subprocess.PIPE, text=True)
-            time.sleep(0.2)
+            follower.stdout.readline()
             pair.surface.kill()
             self.assertIn("died", follower.communicate(timeout=30)[1])
             self.assertEqual(follower.returncode, 3)
@@ -155,8 +159,11 @@ class Dump(unittest.TestCase):
         with Pair("signal") as pair:
             for number in (signal.SIGINT, signal.SIGTERM):
                 for arguments in ((f"{pair.name}-none", "--wait", "50"), (pair.name, "--follow=0.01")):
-                    process = subprocess.Popen([SHM_DUMP, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-                    time.sleep(0.5)
+                    process = subprocess.Popen([SHM_DUMP, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                    if "--wait" not in arguments:
+                        process.stdout.readline()
+                    while not handles(process.pid, number) and process.poll() is None:
+                        time.sleep(0.01)
                     process.send_signal(number)
                     self.assertEqual(process.communicate(timeout=30)[1], "")
                     self.assertEqual(process.returncode, 128 + number, arguments)

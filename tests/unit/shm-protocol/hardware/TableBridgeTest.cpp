@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/inotify.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -160,6 +161,7 @@ TEST(TableBridge, TicksAllocateNothing) {
 // The echo of the active frame is what was sent in answer to the tick that the board names.
 TEST(TableBridge, KnowsWhatIsInForceOnEachBoard) {
   Waves waves;
+  waves.most = 10'000;
   int compared = 0;
   std::vector<std::optional<std::int64_t>> last(2);
   std::vector<std::uint32_t> last_tick(2);
@@ -178,9 +180,33 @@ TEST(TableBridge, KnowsWhatIsInForceOnEachBoard) {
       last[i] = board.tick_in_force();
       last_tick[i] = board.frame_tick();
     }
+    waves.is_over = compared > 100;
   };
   run(waves);
   EXPECT_GT(compared, 100);
+}
+
+// Whoever finds the table's surface finds that of its boards, which recordings read.
+TEST(TableBridge, SurfaceOfTheBoardsIsThereBeforeTheTablesAndAfterIt) {
+  const int watch = ::inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
+  ASSERT_GE(::inotify_add_watch(watch, "/dev/shm", IN_MOVED_TO | IN_DELETE), 0);
+  const Boards boards;
+  Waves waves;
+  waves.most = 1;
+  run(boards, waves, [](const std::string&) {});
+  const std::string table = "smartsurf." + boards.spec.name;
+  std::string order;
+  alignas(inotify_event) std::array<char, 65'536> events;
+  for (ssize_t bytes; (bytes = ::read(watch, events.data(), events.size())) > 0;)
+    for (ssize_t at = 0; at < bytes;) {
+      const auto* event = reinterpret_cast<const inotify_event*>(&events[static_cast<std::size_t>(at)]);
+      const char* const what = event->mask & IN_DELETE ? "-" : "+";
+      if (event->name == table) order += what + std::string("table ");
+      if (event->name == table + ".boards") order += what + std::string("boards ");
+      at += static_cast<ssize_t>(sizeof *event + event->len);
+    }
+  ::close(watch);
+  EXPECT_EQ(order, "+boards +table -table -boards ");
 }
 
 // Even with the id of another board of the table.
