@@ -27,11 +27,14 @@ def ended(pid):
 
 
 def children(pid):
-    """Of the process's first thread; none if it is gone."""
-    try:
-        return [int(child) for child in pathlib.Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    except OSError:
-        return []
+    """Of the process's threads; none if it is gone."""
+    found = []
+    for thread in pathlib.Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            found += map(int, thread.read_text().split())
+        except OSError:  # it has ended
+            pass
+    return found
 
 
 def processor_time(pid):

@@ -12,16 +12,16 @@ class Process:
 
     def __init__(self, pid):
         self.pid = pid
-        self.parent, self.started = self._fields()[1:]
+        self.started = self._fields()[1]
         self.command = pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
 
     def _fields(self):
         after_name = fields(self.pid)
-        return after_name[0], int(after_name[1]), int(after_name[19])
+        return after_name[0], int(after_name[19])
 
     def lives(self):
         try:
-            state, _, started = self._fields()
+            state, started = self._fields()
         except (OSError, IndexError):
             return False
         return started == self.started and state not in "ZX"
@@ -29,16 +29,13 @@ class Process:
 
 def tree(root):
     """The process and all below it, each after its parent."""
-    processes = []
-    for entry in pathlib.Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                processes.append(Process(int(entry.name)))
-            except (OSError, IndexError):
-                pass
-    found = [process for process in processes if process.pid == root]
-    for one in found:
-        found += [process for process in processes if process.parent == one.pid]
+    found, pids = [], [root]
+    for pid in pids:
+        try:
+            found.append(Process(pid))
+        except (OSError, IndexError):  # it has ended
+            continue
+        pids += children(pid)
     return found
 
 

@@ -114,7 +114,7 @@ class Docs(ProgramTest):
                 if "--generations" in arguments:  # learning itself is tested elsewhere
                     arguments[arguments.index("--generations") + 1] = "1"
                 if "--frames" in arguments:  # identification too; its costs grow with the frames
-                    arguments[arguments.index("--frames") + 1] = "300"
+                    arguments[arguments.index("--frames") + 1] = "200"
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
                 # A surface without a controller waits for the command that follows it. The default name may be in use.
