@@ -205,38 +205,17 @@ double dependence_of(const Eigen::VectorXd& r) {
   return sum;
 }
 
-}  // namespace
+struct Optimum {
+  Vector x = Vector::Zero();
+  int delay = 0;
+  double sum = std::numeric_limits<double>::infinity();  // of squares
+};
 
-CellFit fit_cell(const CellRecording& recording, int most_delay) {
-  CellRecording c = recording;
-  // A reading that is no number is not known.
-  const auto is_number = [](float y) { return std::isfinite(y); };
-  std::vector<std::uint8_t> valid(c.valid.begin(), c.valid.end());
-  for (std::size_t k = 0; k < valid.size(); ++k) valid[k] = valid[k] && is_number(c.reading[k]);
-  c.valid = valid;
-  std::vector<float> at_rest;
-  std::ranges::copy_if(c.at_rest, std::back_inserter(at_rest), is_number);
-  c.at_rest = at_rest;
-  CellFit fit;
-  const Fitter fitter(c);
-  const int n = fitter.count();
-  if (n < 10 * kFree) return fit;
-  std::vector<float> known;
-  for (std::size_t k = 0; k < c.reading.size(); ++k)
-    if (c.valid[k]) known.push_back(c.reading[k]);
-  if (range_of(known) == 0) return fit;
-  const Eigen::Vector2d line = line_through(c);
-  if (std::abs(line[1]) < 0.1) {
-    fit.state = CellState::kStuck;
-    return fit;
-  }
-  fit.state = CellState::kGood;
-
-  const double stroke = range_of(c.command);
-  Vector scale;
-  scale << stroke, 1, 0.1 * stroke, c.period_s / stroke, c.period_s / stroke, 5 * c.period_s;
-  Vector best = Vector::Zero(), last = best;
-  double least = std::numeric_limits<double>::infinity();
+// The best of all delays up to one after which two fit worse than those before; begins at a straight line.
+Optimum best_of_delays(const Fitter& fitter, const CellRecording& c, const Eigen::Vector2d& line,
+                       const Vector& scale, int most_delay) {
+  Optimum best;
+  Vector last = best.x;
   int worse = 0;
   for (int delay = 0; delay <= most_delay && worse < 2; ++delay) {
     Vector found = last;
@@ -251,75 +230,80 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
       // From the fastest that the readings show: a limit that no motion reaches would keep its derivative at
       // 0.
       for (const double lag : {1.0, 4.0})
-        start(
-            {line[0], line[1], 0.01 * stroke, 1 / fastest(c, true), 1 / fastest(c, false), lag * c.period_s});
+        start({line[0], line[1], 0.01 * scale[0], 1 / fastest(c, true), 1 / fastest(c, false),
+               lag * c.period_s});
     } else {
       Vector x = last;
       x[5] = std::max(x[5] - c.period_s, 0.2 * c.period_s);
       start(x);
     }
     last = found;
-    worse = sum < least ? 0 : worse + 1;
-    if (sum >= least) continue;
-    least = sum;
-    best = found;
-    fit.value[CellFit::kDelay] = delay;
+    worse = sum < best.sum ? 0 : worse + 1;
+    if (sum < best.sum) best = {found, delay, sum};
   }
+  return best;
+}
 
-  // A limit may have been lost on the way to the optimum, from where there is no way back, or that way may
-  // have ended at a wrong delay, which leaves more than noise.
-  int delay = static_cast<int>(fit.value[CellFit::kDelay]);
-  const bool leaves_more = least / n > 1.5 * std::pow(noise_of(c), 2);
-  const int from = leaves_more ? std::max(delay - 1, 0) : delay;
-  const int to = leaves_more ? std::min(delay + 2, most_delay) : delay;
-  for (int other = from; other <= to; ++other) {
+// A limit may have been lost on the way to the optimum, from where there is no way back, or that way may have
+// ended at a wrong delay, which leaves more than noise.
+Optimum with_lost_limits(const Fitter& fitter, const CellRecording& c, const Optimum& reached,
+                         const Vector& scale, int most_delay) {
+  Optimum best = reached;
+  const bool leaves_more = reached.sum / fitter.count() > 1.5 * std::pow(noise_of(c), 2);
+  const int from = leaves_more ? std::max(reached.delay - 1, 0) : reached.delay;
+  const int to = leaves_more ? std::min(reached.delay + 2, most_delay) : reached.delay;
+  for (int delay = from; delay <= to; ++delay) {
     for (const double lag : {1.0, 2.0, 4.0}) {
-      Vector x = best;
+      Vector x = best.x;
       x[3] = 1 / fastest(c, true);
       x[4] = 1 / fastest(c, false);
       x[5] = lag * c.period_s;
-      const double sum = fitter.improve(x, scale, other, 30);
-      if (sum >= least) continue;
-      least = sum;
-      best = x;
-      delay = other;
+      const double sum = fitter.improve(x, scale, delay, 30);
+      if (sum < best.sum) best = {x, delay, sum};
     }
   }
-  fit.value[CellFit::kDelay] = delay;
-  const Residuals at_best = fitter.residuals(best, delay);
-  const double variance = least / (n - kFree);
-  auto j = fitter.jacobian(best, scale, delay);
+  return best;
+}
+
+// The values at the optimum and their standard errors.
+void set_values(CellFit& fit, const Fitter& fitter, const CellRecording& c, Optimum best,
+                const Vector& scale) {
+  const Residuals at_best = fitter.residuals(best.x, best.delay);
+  const int freedom = fitter.count() - kFree;
+  const double variance = best.sum / freedom;
+  auto j = fitter.jacobian(best.x, scale, best.delay);
   const bool up = at_best.limited_up > 0, down = at_best.limited_down > 0;
   if (!up) j.col(3).setZero();
   if (!down) j.col(4).setZero();
   const double residual_variance = variance * dependence_of(at_best.of);
   Matrix covariance = covariance_of(j, scale, residual_variance);
   if (!(std::sqrt(covariance(5, 5)) <= 10 * scale[5])) {  // so far below a period that it does not show
-    best[5] = 0;
+    best.x[5] = 0;
     j.col(5).setZero();
     covariance = covariance_of(j, scale, residual_variance);
   }
   const auto error = [&](int i) { return std::sqrt(std::max(covariance(i, i), 0.0)); };
-  fit.value[CellFit::kSlope] = best[1];
+  fit.value[CellFit::kDelay] = best.delay;
+  fit.value[CellFit::kSlope] = best.x[1];
   fit.error[CellFit::kSlope] = error(1);
   fit.error[CellFit::kPlay] = error(2);
   // Play that may be none is none: to correct it would only add its error to each command.
-  fit.value[CellFit::kPlay] = best[2] > 2 * error(2) ? best[2] : 0;
+  fit.value[CellFit::kPlay] = best.x[2] > 2 * error(2) ? best.x[2] : 0;
   const auto set_speed = [&](int parameter, int i) {  // v = 1 / x: dv = v² dx
-    const double v = 1 / best[i], its_error = v * v * error(i);
+    const double v = 1 / best.x[i], its_error = v * v * error(i);
     if (its_error > v) return;  // not known: too few readings show the limit
     fit.value[parameter] = v;
     fit.error[parameter] = its_error;
   };
   if (up) set_speed(CellFit::kSpeedUp, 3);
   if (down) set_speed(CellFit::kSpeedDown, 4);
-  fit.value[CellFit::kLag] = best[5];
+  fit.value[CellFit::kLag] = best.x[5];
   fit.error[CellFit::kLag] = error(5);
   // What rounding adds to the variance is the resolution's, not the noise's.
   const double rounding = c.resolution * c.resolution / 12;
   const double noise = std::sqrt(std::max(variance - rounding, 0.0));
   fit.value[CellFit::kNoise] = noise;
-  if (noise > 0) fit.error[CellFit::kNoise] = variance / noise / std::sqrt(2.0 * (n - kFree));
+  if (noise > 0) fit.error[CellFit::kNoise] = variance / noise / std::sqrt(2.0 * freedom);
   double sensor_zero = 0, its_variance = 0;
   if (!c.at_rest.empty()) {
     for (const float y : c.at_rest) sensor_zero += static_cast<double>(y);
@@ -328,8 +312,40 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   }
   fit.value[CellFit::kSensorZero] = sensor_zero;
   fit.error[CellFit::kSensorZero] = std::sqrt(its_variance);
-  fit.value[CellFit::kZero] = best[0] - sensor_zero;
+  fit.value[CellFit::kZero] = best.x[0] - sensor_zero;
   fit.error[CellFit::kZero] = std::hypot(error(0), std::sqrt(its_variance));
+}
+
+}  // namespace
+
+CellFit fit_cell(const CellRecording& recording, int most_delay) {
+  CellRecording c = recording;
+  // A reading that is no number is not known.
+  const auto is_number = [](float y) { return std::isfinite(y); };
+  std::vector<std::uint8_t> valid(c.valid.begin(), c.valid.end());
+  for (std::size_t k = 0; k < valid.size(); ++k) valid[k] = valid[k] && is_number(c.reading[k]);
+  c.valid = valid;
+  std::vector<float> at_rest;
+  std::ranges::copy_if(c.at_rest, std::back_inserter(at_rest), is_number);
+  c.at_rest = at_rest;
+  CellFit fit;
+  const Fitter fitter(c);
+  if (fitter.count() < 10 * kFree) return fit;
+  std::vector<float> known;
+  for (std::size_t k = 0; k < c.reading.size(); ++k)
+    if (c.valid[k]) known.push_back(c.reading[k]);
+  if (range_of(known) == 0) return fit;
+  const Eigen::Vector2d line = line_through(c);
+  if (std::abs(line[1]) < 0.1) {
+    fit.state = CellState::kStuck;
+    return fit;
+  }
+  fit.state = CellState::kGood;
+  const double stroke = range_of(c.command);
+  Vector scale;
+  scale << stroke, 1, 0.1 * stroke, c.period_s / stroke, c.period_s / stroke, 5 * c.period_s;
+  const Optimum reached = best_of_delays(fitter, c, line, scale, most_delay);
+  set_values(fit, fitter, c, with_lost_limits(fitter, c, reached, scale, most_delay), scale);
   return fit;
 }
 

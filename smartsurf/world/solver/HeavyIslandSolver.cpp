@@ -488,21 +488,12 @@ void HeavyIslandSolver::Springs::update(const bool (&wanted)[3], BlockCholesky& 
   if (body[0] >= 0 && body[1] >= 0) matrix.add(body[0], body[1], weight, jacobian[0], jacobian[1]);
 }
 
-void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& points,
-                                     const SolverBodies& rows, const SubstepParams& pair_params,
-                                     const SubstepParams& static_params, bool is_soft, MemberData& data) {
-  const auto of_island = std::span(points_).subspan(island.first_point, island.point_count);
-  const auto patches = std::span(patches_).subspan(island.first_patch, island.patch_count);
-  BlockCholesky& matrix = data.matrix;
-  double* const b = data.right_side;
+void HeavyIslandSolver::set_up(const IslandContacts& of, const Island& island, const BatchPoints& points,
+                               const SolverBodies& rows, const Substep& substep,
+                               BlockCholesky& matrix) const {
   matrix.reset(island.body_count);
-  exchange_impulses(of_island, points, rows);
-  const auto give_up = [&] {
-    exchange_impulses(of_island, points, rows);
-    for (Point& p : of_island) p.keep(points.point[p.index]);
-  };
-  for (Point& p : of_island) {
-    set_up(p, points, rows, is_pair(p.kind) ? pair_params : static_params, is_soft);
+  for (Point& p : of.points) {
+    set_up(p, points, rows, is_pair(p.kind) ? substep.pair_params : substep.static_params, substep.is_soft);
     std::fill_n(p.in_matrix, 3, false);
     if (p.body[0] >= 0 && p.body[1] >= 0) matrix.connect(p.body[0], p.body[1]);
   }
@@ -515,69 +506,60 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       for (int j = 0; j <= k; ++j) matrix.add_to_diagonal(i, 3 + k, 3 + j, inertia(k, j));
     }
   }
-  for (PatchFriction& f : patches) {
+  for (PatchFriction& f : of.patches) {
     set_up(f, rows);
     std::fill_n(f.in_matrix, 3, false);
     if (f.patch->is_lumped) f.update({true, true, true}, matrix);
   }
-  bool changed = true;
-  for (int pass = 0; changed && pass < kMaxPasses; ++pass) {
-    std::fill_n(b, BlockCholesky::kSize * island.body_count, 0.0);
-    for (Point& p : of_island) {
-      const bool sticks = p.bears && p.sticks;
-      p.update({p.bears, sticks, sticks}, matrix);
-      double force[3] = {p.bears ? p.normal().stiffness * p.normal().error : -p.normal().impulse};
-      for (int k = 1; k < 3; ++k)
-        force[k] = sticks ? p.spring[k].stiffness * p.spring[k].error : p.spring[k].change;
-      p.add_force(force, b);
-    }
-    for (const PatchFriction& f : patches) {
-      const Spring(&s)[3] = f.spring;
-      if (f.patch->is_lumped)
-        f.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error},
-                    b);
-    }
-    if (!matrix.factor()) return give_up();
-    matrix.solve(b);
-    changed = false;
-    for (Point& p : of_island) {
-      Spring& normal = p.normal();
-      const double lacks = p.lacking_speed(0, b);
-      const bool bears = p.bears ? normal.impulse + normal.stiffness * lacks > 0.0 : lacks > 0.0;
-      normal.change = p.bears && bears ? normal.stiffness * lacks : -normal.impulse;
-      changed |= bears != p.bears;
-      p.bears = bears;
-      const double limit =
-          static_cast<double>(points.point[p.index].friction[p.lane]) * (normal.impulse + normal.change);
-      double friction[2], work = 0.0;
-      for (int k = 0; k < 2; ++k) {
-        Spring& t = p.spring[1 + k];
-        const double lack = p.lacking_speed(1 + k, b);
-        if (p.sticks) t.change = t.stiffness * lack;
-        friction[k] = t.impulse + t.change;
-        work += friction[k] * lack;
-      }
-      // Friction that drives the slip on is that of a point which sticks.
-      if (!p.sticks && bears && work < 0.0 && !p.stuck_again) {
-        p.sticks = p.stuck_again = changed = true;
-        continue;
-      }
-      const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
-      if (length <= limit) continue;
-      changed |= p.sticks && p.bears;
-      p.sticks = false;
-      for (int k = 0; k < 2; ++k)
-        p.spring[1 + k].change = friction[k] * limit / length - p.spring[1 + k].impulse;
-    }
-    for (PatchFriction& f : patches)
-      for (int k = 0; f.patch->is_lumped && k < 3; ++k)
-        f.spring[k].change = f.spring[k].stiffness * f.lacking_speed(k, b);
+}
+
+void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix,
+                                 std::span<double> right_side) {
+  std::ranges::fill(right_side, 0.0);
+  double* const b = right_side.data();
+  for (Point& p : of.points) {
+    const bool sticks = p.bears && p.sticks;
+    p.update({p.bears, sticks, sticks}, matrix);
+    double force[3] = {p.bears ? p.normal().stiffness * p.normal().error : -p.normal().impulse};
+    for (int k = 1; k < 3; ++k)
+      force[k] = sticks ? p.spring[k].stiffness * p.spring[k].error : p.spring[k].change;
+    p.add_force(force, b);
   }
-  if (changed || std::ranges::any_of(of_island, [&](Point& p) {
-        return p.normal().impulse + p.normal().change > island.greatest_impulse;
-      }))
-    return give_up();
-  const auto apply = [&](const Springs& s, int k, std::int32_t row, int side) {
+  for (const PatchFriction& f : of.patches) {
+    const Spring(&s)[3] = f.spring;
+    if (f.patch->is_lumped)
+      f.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error}, b);
+  }
+}
+
+bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coefficient) {
+  const double lacks = lacking_speed(0, changes);
+  const bool bore = bears;
+  bears = bore ? normal().impulse + normal().stiffness * lacks > 0.0 : lacks > 0.0;
+  normal().change = bore && bears ? normal().stiffness * lacks : -normal().impulse;
+  bool changed = bears != bore;
+  const double limit = friction_coefficient * (normal().impulse + normal().change);
+  double friction[2], work = 0.0;
+  for (int k = 0; k < 2; ++k) {
+    Spring& t = spring[1 + k];
+    const double lack = lacking_speed(1 + k, changes);
+    if (sticks) t.change = t.stiffness * lack;
+    friction[k] = t.impulse + t.change;
+    work += friction[k] * lack;
+  }
+  // Friction that drives the slip on is that of a point which sticks.
+  if (!sticks && bears && work < 0.0 && !stuck_again) return sticks = stuck_again = true;
+  const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
+  if (length <= limit) return changed;
+  changed |= sticks && bears;
+  sticks = false;
+  for (int k = 0; k < 2; ++k) spring[1 + k].change = friction[k] * limit / length - spring[1 + k].impulse;
+  return changed;
+}
+
+void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& points, const SolverBodies& rows,
+                              bool is_soft) {
+  const auto move = [&](const Springs& s, int k, std::int32_t row, int side) {
     BodyVelocity& m = rows.velocity[row];
     const double* const axis = s.jacobian[side][k];
     const auto change = static_cast<float>(s.spring[k].change);
@@ -588,7 +570,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       m.angular_velocity[i] += spin[i];
     }
   };
-  for (Point& p : of_island) {
+  for (Point& p : of.points) {
     BatchPoint& q = points.point[p.index];
     const auto change = static_cast<float>(p.normal().change);
     q.normal_impulse[p.lane] = std::max(0.0F, q.normal_impulse[p.lane] + change);
@@ -601,23 +583,52 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       for (int i = 0; k > 0 && i < 3; ++i)
         q.friction_impulse[i][p.lane] += static_cast<float>(p.spring[k].change * p.jacobian[0][k][i]);
       for (int side = 0; side < 2; ++side)
-        if (p.body[side] >= 0) apply(p, k, p.row[side], side);
+        if (p.body[side] >= 0) move(p, k, p.row[side], side);
     }
     p.keep(q);
   }
-  for (const PatchFriction& f : patches)
+  for (const PatchFriction& f : of.patches)
     for (int k = 0; k < 3 && f.patch->is_lumped; ++k) {
       f.patch->friction_sum[k] += f.spring[k].change;
-      apply(f, k, f.patch->row, 0);
+      move(f, k, f.patch->row, 0);
     }
 }
 
-void HeavyIslandSolver::solve(const BatchPoints& points, const SolverBodies& rows,
-                              const SubstepParams& pair_params, const SubstepParams& static_params,
-                              bool is_soft, const Member& member) {
+void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& points,
+                                     const SolverBodies& rows, const Substep& substep, MemberData& data) {
+  const IslandContacts of{std::span(points_).subspan(island.first_point, island.point_count),
+                          std::span(patches_).subspan(island.first_patch, island.patch_count)};
+  BlockCholesky& matrix = data.matrix;
+  double* const b = data.right_side;
+  exchange_impulses(of.points, points, rows);
+  const auto give_up = [&] {
+    exchange_impulses(of.points, points, rows);
+    for (Point& p : of.points) p.keep(points.point[p.index]);
+  };
+  set_up(of, island, points, rows, substep, matrix);
+  bool changed = true;
+  for (int pass = 0; changed && pass < kMaxPasses; ++pass) {
+    assemble(of, matrix, {b, static_cast<std::size_t>(BlockCholesky::kSize * island.body_count)});
+    if (!matrix.factor()) return give_up();
+    matrix.solve(b);
+    changed = false;
+    for (Point& p : of.points)
+      changed |= p.follow(b, static_cast<double>(points.point[p.index].friction[p.lane]));
+    for (PatchFriction& f : of.patches)
+      for (int k = 0; f.patch->is_lumped && k < 3; ++k)
+        f.spring[k].change = f.spring[k].stiffness * f.lacking_speed(k, b);
+  }
+  if (changed || std::ranges::any_of(of.points, [&](Point& p) {
+        return p.normal().impulse + p.normal().change > island.greatest_impulse;
+      }))
+    return give_up();
+  apply(of, points, rows, substep.is_soft);
+}
+
+void HeavyIslandSolver::solve(const BatchPoints& points, const SolverBodies& rows, const Substep& substep,
+                              const Member& member) {
   for (const Island& island : islands_)
-    if (island.member == member.index)
-      solve_island(island, points, rows, pair_params, static_params, is_soft, members_[member.index]);
+    if (island.member == member.index) solve_island(island, points, rows, substep, members_[member.index]);
 }
 
 }  // namespace smartsurf::world

@@ -48,10 +48,14 @@ class HeavyIslandSolver {
   void build(const Step&, IndexRange own_rows, const Member&);
   bool empty() const { return islands_.empty(); }
 
-  // Corrects the impulses after a sweep of the solve stage (soft) or the relax stage. Called by all members,
-  // each of which solves some of the islands; nobody may use the bodies of the islands meanwhile.
-  void solve(const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
-             const SubstepParams& static_params, bool is_soft, const Member&);
+  // A sweep of the solve stage (soft) or the relax stage.
+  struct Substep {
+    const SubstepParams &pair_params, &static_params;
+    bool is_soft;
+  };
+  // Corrects the impulses after a sweep. Called by all members, each of which solves some of the islands;
+  // nobody may use the bodies of the islands meanwhile.
+  void solve(const BatchPoints&, const SolverBodies&, const Substep&, const Member&);
 
  private:
   // A lane with a point that bears or touches.
@@ -93,6 +97,9 @@ class HeavyIslandSolver {
     float impulse[4];
     void keep(const BatchPoint&);
     Spring& normal() { return spring[0]; }
+    // Takes the impulses that follow from velocity changes of the bodies; true if it now bears, lifts, sticks
+    // or slips as it did not.
+    bool follow(const double* changes, double friction_coefficient);
   };
   // The friction of a support patch whose cells rest and none of which slips: along x and y, and about z.
   struct PatchFriction : Springs {
@@ -119,13 +126,21 @@ class HeavyIslandSolver {
   void collect_points(const Step&);
   void collect_patches(std::span<SupportPatches>);
   void share_islands();
-  void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const SubstepParams& pair_params,
-                    const SubstepParams& static_params, bool is_soft, MemberData&);
+  struct IslandContacts {
+    std::span<Point> points;
+    std::span<PatchFriction> patches;
+  };
+  void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const Substep&, MemberData&);
   // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the
   // direct solution would have to take out again.
   static void exchange_impulses(std::span<Point>, const BatchPoints&, const SolverBodies&);
+  void set_up(const IslandContacts&, const Island&, const BatchPoints&, const SolverBodies&, const Substep&,
+              BlockCholesky&) const;
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
   static void set_up(PatchFriction&, const SolverBodies&);
+  // The equations of what bears and sticks now.
+  static void assemble(const IslandContacts&, BlockCholesky&, std::span<double> right_side);
+  static void apply(const IslandContacts&, const BatchPoints&, const SolverBodies&, bool is_soft);
 
   std::vector<MemberData> members_;
   std::vector<std::uint8_t> bearing_lanes_;  // by batch; bit i: a point of lane i bears or touches

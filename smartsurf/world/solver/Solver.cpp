@@ -389,8 +389,8 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
   if (support_stage == SupportStage::kWarmStart || heavy_islands_.empty()) return;
   member.wait();
   member.arrive_and_wait();
-  heavy_islands_.solve(batch_points(), context.solver_bodies, pair_params, static_params,
-                       support_stage == SupportStage::kSolve, member);
+  heavy_islands_.solve(batch_points(), context.solver_bodies,
+                       {pair_params, static_params, support_stage == SupportStage::kSolve}, member);
   member.arrive();
 }
 

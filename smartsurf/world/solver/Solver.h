@@ -133,6 +133,18 @@ class Solver {
     bool has(int lane, int k) const { return k < count[lane] && !first[lane][k].gives_way(); }
   };
   BatchContacts contacts_of_batch(const StepContext&, ContactKind, int batch) const;
+  // What the points of a batch have in common, by lane.
+  struct LaneProperties {
+    float radius_a[kLanes] = {}, radius_b[kLanes] = {}, friction[kLanes] = {}, rolling_friction[kLanes] = {};
+    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {}, relative_velocity[3][kLanes] = {};
+    float is_face_patch[kLanes] = {};  // 1: several points touch; of one, the twist is a rounding error
+  };
+  LaneProperties properties_of_lanes(const StepContext&, ContactKind, ContactBatch&,
+                                     const BatchContacts&) const;
+  // b: the material of the lane's second body or cell.
+  void set_friction(ContactBatch&, LaneProperties&, int lane, const SurfaceMaterial& b) const;
+  static void fill_lanes(ContactKind, ContactBatch&, const LaneProperties&, int lane,
+                         const Contact* const* four, BatchPoint&, BatchPointDetail&);
   void fill_points(const StepContext&, ContactKind, ContactBatch&, const BatchContacts&);
   void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);

@@ -176,23 +176,17 @@ Solver::BatchContacts Solver::contacts_of_batch(const StepContext& context, Cont
   return of;
 }
 
-// Copies contacts to the points of a batch, four lanes at a time; leaves out what no kernel of the kind
-// reads.
-void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBatch& o,
-                         const BatchContacts& of) {
-  const bool of_pairs = is_pair(kind), of_spheres = is_sphere_kind(kind);
+void Solver::set_friction(ContactBatch& o, LaneProperties& lanes, int lane, const SurfaceMaterial& b) const {
+  const SurfaceMaterial& a = material_[o.a[lane]];
+  lanes.friction[lane] = friction_of(a, b);
+  lanes.rolling_friction[lane] = rolling_friction_of(a, b);
+  o.has_rolling_friction |= lanes.rolling_friction[lane] > 0.0F;
+}
+
+Solver::LaneProperties Solver::properties_of_lanes(const StepContext& context, ContactKind kind,
+                                                   ContactBatch& o, const BatchContacts& of) const {
+  LaneProperties lanes;
   const std::vector<Vec3>& position = context.bodies.position;
-  struct Lanes {
-    float radius_a[kLanes] = {}, radius_b[kLanes] = {}, friction[kLanes] = {}, rolling_friction[kLanes] = {};
-    float position_a[3][kLanes] = {}, position_b[3][kLanes] = {}, relative_velocity[3][kLanes] = {};
-    float is_face_patch[kLanes] = {};  // 1: several points touch; of one, the twist is a rounding error
-  } lanes;
-  const auto set_friction = [&](int lane, const SurfaceMaterial& b) {
-    const SurfaceMaterial& a = material_[o.a[lane]];
-    lanes.friction[lane] = friction_of(a, b);
-    lanes.rolling_friction[lane] = rolling_friction_of(a, b);
-    o.has_rolling_friction |= lanes.rolling_friction[lane] > 0.0F;
-  };
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = *of.manifold[lane];
     lanes.radius_a[lane] = material_[o.a[lane]].radius;
@@ -201,12 +195,12 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       lanes.is_face_patch[lane] = 1.0F;
       o.has_face_patch = true;
     };
-    if (!of_pairs) {
+    if (!is_pair(kind)) {
       int patch_points = 0;
       for (int k = 0; k < m.count; ++k) {
         const Contact& c = of.first[lane][k];
         if (!of.has(lane, k)) continue;
-        set_friction(lane, material_of_b(context.bodies, settings_.field_material, m, c));
+        set_friction(o, lanes, lane, material_of_b(context.bodies, settings_.field_material, m, c));
         patch_points += c.touches_body() && c.twist_friction_loss > 0.0F ? 1 : 0;
       }
       set_face_patch(patch_points);
@@ -214,13 +208,79 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
     }
     const SurfaceMaterial& b = material_[o.b[lane]];
     lanes.radius_b[lane] = b.radius;
-    set_friction(lane, b);
-    if (of_spheres) continue;
+    set_friction(o, lanes, lane, b);
+    if (is_sphere_kind(kind)) continue;
     if (of.first[lane]->twist_friction_loss > 0.0F) set_face_patch(m.count);
     store_lane(position[m.a], lanes.position_a, lane);
     store_lane(position[m.b], lanes.position_b, lane);
     store_lane(context.bodies.velocity(m.a) - context.bodies.velocity(m.b), lanes.relative_velocity, lane);
   }
+  return lanes;
+}
+
+// Four lanes of a point, from `lane` on; leaves out what no kernel of the kind reads.
+void Solver::fill_lanes(ContactKind kind, ContactBatch& o, const LaneProperties& lanes, int lane,
+                        const Contact* const* four, BatchPoint& p, BatchPointDetail& d) {
+  const bool of_pairs = is_pair(kind), of_spheres = is_sphere_kind(kind);
+  const auto put = [lane](const Float4& values, float* to) { store4(values, to + lane); };
+  const auto rows = [&](std::size_t row) {
+    return lane < o.lane_count ? load_rows(four, row) : rows_of_unused_lanes(row);
+  };
+  const FourRows first = rows(kNormalRow), impulses = rows(kImpulseRow);
+  put(first.x, p.normal[0]), put(first.y, p.normal[1]), put(first.z, p.normal[2]);
+  put(impulses.x, p.normal_impulse);
+  put(impulses.y, p.friction_impulse[0]), put(impulses.z, p.friction_impulse[1]);
+  put(impulses.w, p.friction_impulse[2]);
+  put(load4(lanes.friction + lane), p.friction);
+  o.has_friction |= any_of(load4(lanes.friction + lane) != 0.0F);
+  put(Float4{}, p.total_normal_impulse), put(Float4{}, p.relax_target_speed);
+  if (of_spheres || of_pairs)
+    put(load4(lanes.radius_a + lane), p.radius_a), put(load4(lanes.radius_b + lane), p.radius_b);
+  if (of_spheres) {
+    put(Float4{four[0]->separation, four[1]->separation, four[2]->separation, four[3]->separation},
+        p.separation);
+  } else {
+    const FourRows second = rows(kAnchorRow);
+    put(second.z, p.separation);
+    put(impulses.x, d.steady_impulse);
+    if (o.has_face_patch)
+      put(Float4{four[0]->twist_friction_loss, four[1]->twist_friction_loss, four[2]->twist_friction_loss,
+                 four[3]->twist_friction_loss} *
+              load4(lanes.is_face_patch + lane),
+          d.twist_friction_loss);
+    const Float4 anchor[3] = {first.w, second.x, second.y};
+    const Float4 time{four[0]->anchor_time_s, four[1]->anchor_time_s, four[2]->anchor_time_s,
+                      four[3]->anchor_time_s};
+    if (of_pairs) put(time, d.anchor_time);
+    for (int i = 0; i < 3; ++i) {
+      put(anchor[i], d.anchor_a[i]);
+      if (of_pairs)
+        put((load4(lanes.position_a[i] + lane) + anchor[i]) - load4(lanes.position_b[i] + lane) +
+                time * load4(lanes.relative_velocity[i] + lane),
+            d.anchor_b[i]);
+    }
+  }
+  if (of_pairs) {
+    for (auto& velocity : d.surface_velocity) put(Float4{}, velocity);
+  } else {
+    const FourRows surface = rows(kSurfaceRow);
+    put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
+    put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);
+    o.has_surface_spin |= any_of(surface.w != 0.0F);
+  }
+  if (o.has_rolling_friction) {
+    const FourRows rolling = rows(kRollingRow);
+    put(rolling.x, d.rolling_impulse[0]), put(rolling.y, d.rolling_impulse[1]);
+    put(rolling.z, d.rolling_impulse[2]);
+    put(load4(lanes.rolling_friction + lane), d.rolling_friction);
+  }
+}
+
+// Copies contacts to the points of a batch.
+void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBatch& o,
+                         const BatchContacts& of) {
+  const bool of_pairs = is_pair(kind);
+  LaneProperties lanes = properties_of_lanes(context, kind, o, of);
   for (int k = 0; k < o.point_count; ++k) {
     BatchPoint& p = point_[o.first_point + k];
     BatchPointDetail& d = detail_[o.first_point + k];
@@ -230,67 +290,13 @@ void Solver::fill_points(const StepContext& context, ContactKind kind, ContactBa
       if (!of.has(lane, k)) continue;
       c[lane] = of.first[lane] + k;
       if (of_pairs) continue;
-      set_friction(lane,
+      set_friction(o, lanes, lane,
                    material_of_b(context.bodies, settings_.field_material, *of.manifold[lane], *c[lane]));
       if (c[lane]->is_in_patch()) lanes.friction[lane] = 0.0F;
     }
-    for (int lane = 0; lane < kLanes; lane += kSimd4Width) {
-      const Contact* const* const four = c + lane;
-      const auto put = [lane](const Float4& values, float* to) { store4(values, to + lane); };
-      const auto rows = [&](std::size_t row) {
-        return lane < o.lane_count ? load_rows(four, row) : rows_of_unused_lanes(row);
-      };
-      const FourRows first = rows(kNormalRow), impulses = rows(kImpulseRow);
-      put(first.x, p.normal[0]), put(first.y, p.normal[1]), put(first.z, p.normal[2]);
-      put(impulses.x, p.normal_impulse);
-      put(impulses.y, p.friction_impulse[0]), put(impulses.z, p.friction_impulse[1]);
-      put(impulses.w, p.friction_impulse[2]);
-      put(load4(lanes.friction + lane), p.friction);
-      o.has_friction |= any_of(load4(lanes.friction + lane) != 0.0F);
-      put(Float4{}, p.total_normal_impulse), put(Float4{}, p.relax_target_speed);
-      if (of_spheres || of_pairs)
-        put(load4(lanes.radius_a + lane), p.radius_a), put(load4(lanes.radius_b + lane), p.radius_b);
-      if (of_spheres) {
-        put(Float4{four[0]->separation, four[1]->separation, four[2]->separation, four[3]->separation},
-            p.separation);
-      } else {
-        const FourRows second = rows(kAnchorRow);
-        put(second.z, p.separation);
-        put(impulses.x, d.steady_impulse);
-        if (o.has_face_patch)
-          put(Float4{four[0]->twist_friction_loss, four[1]->twist_friction_loss, four[2]->twist_friction_loss,
-                     four[3]->twist_friction_loss} *
-                  load4(lanes.is_face_patch + lane),
-              d.twist_friction_loss);
-        const Float4 anchor[3] = {first.w, second.x, second.y};
-        const Float4 time{four[0]->anchor_time_s, four[1]->anchor_time_s, four[2]->anchor_time_s,
-                          four[3]->anchor_time_s};
-        if (of_pairs) put(time, d.anchor_time);
-        for (int i = 0; i < 3; ++i) {
-          put(anchor[i], d.anchor_a[i]);
-          if (of_pairs)
-            put((load4(lanes.position_a[i] + lane) + anchor[i]) - load4(lanes.position_b[i] + lane) +
-                    time * load4(lanes.relative_velocity[i] + lane),
-                d.anchor_b[i]);
-        }
-      }
-      if (of_pairs) {
-        for (auto& velocity : d.surface_velocity) put(Float4{}, velocity);
-      } else {
-        const FourRows surface = rows(kSurfaceRow);
-        put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
-        put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);
-        o.has_surface_spin |= any_of(surface.w != 0.0F);
-      }
-      if (o.has_rolling_friction) {
-        const FourRows rolling = rows(kRollingRow);
-        put(rolling.x, d.rolling_impulse[0]), put(rolling.y, d.rolling_impulse[1]);
-        put(rolling.z, d.rolling_impulse[2]);
-        put(load4(lanes.rolling_friction + lane), d.rolling_friction);
-      }
-    }
+    for (int lane = 0; lane < kLanes; lane += kSimd4Width) fill_lanes(kind, o, lanes, lane, c + lane, p, d);
     // Joints and contacts are solved apart and settle only with the softness.
-    for (int lane = 0; !of_spheres && lane < o.lane_count; ++lane) {
+    for (int lane = 0; !is_sphere_kind(kind) && lane < o.lane_count; ++lane) {
       const Manifold& m = *of.manifold[lane];
       if (context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]))
         d.steady_impulse[lane] = 0.0F;

@@ -2,11 +2,61 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
+
+namespace {
+
+// A point of a patch that bears a load.
+struct Point {
+  std::int32_t index;  // in BatchPoints
+  double x, y;
+  double stiffness, error, impulse, impulse_change = 0.0;  // error: of the speed, u/s
+  BatchPointLimit* limit;
+  bool lifts = false;
+};
+
+// The impulses with which no bearing point lacks speed: the change of velocity v + b·x + c·y at the points,
+// with compliances as springs in series with the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ
+// stiffness · error. Points that would pull lose their impulse. False: not found; with `all_bear`, as soon as
+// a point would pull.
+bool solve_impulses(std::span<Point> bearing, double mass, const InverseInertia& w, bool all_bear) {
+  using support::Matrix3, support::Vector3;
+  const double xx = w.xx, xy = w.xy, yy = w.yy, inverse_determinant = 1.0 / (xx * yy - xy * xy);
+  constexpr int kMaxPasses = 6;
+  for (int pass = 0; pass < kMaxPasses; ++pass) {
+    double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
+           syy = yy * inverse_determinant;
+    double error = 0.0, error_x = 0.0, error_y = 0.0;
+    for (const Point& b : bearing) {
+      const double force = b.lifts ? -b.impulse : b.stiffness * b.error;
+      error += force, error_x += force * b.x, error_y += force * b.y;
+      if (b.lifts) continue;
+      const double kx = b.stiffness * b.x, ky = b.stiffness * b.y;
+      s += b.stiffness, sx += kx, sy += ky, sxx += kx * b.x, sxy += kx * b.y, syy += ky * b.y;
+    }
+    Matrix3 sum;
+    sum << s, sx, sy, sx, sxx, sxy, sy, sxy, syy;
+    const Vector3 change = support::solve(sum, Vector3(error, error_x, error_y));
+    bool changed = false;
+    for (Point& b : bearing) {
+      b.impulse_change = b.stiffness * (b.error - (change[0] + b.x * change[1] + b.y * change[2]));
+      const bool lifts = b.impulse + b.impulse_change <= 0.0;
+      if (lifts) b.impulse_change = -b.impulse;
+      changed |= lifts != b.lifts;
+      b.lifts = lifts;
+    }
+    if (!changed) return true;
+    if (all_bear) return false;
+  }
+  return false;
+}
+
+}  // namespace
 
 void SupportLanes::set_body(int lane, float inverse_mass, const InverseInertia& w) {
   const double xx = w.xx, xy = w.xy, yy = w.yy, determinant = xx * yy - xy * xy;
@@ -25,17 +75,9 @@ void SupportLanes::set_body(int lane, float inverse_mass, const InverseInertia& 
 void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
                           const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
                           const InverseInertia& w) {
-  using support::Matrix3, support::Vector3;
   // A cell whose load comes near to what it can give may slow down under it: that is left to the sweeps.
   constexpr float kExhaustedLoadFraction = 0.9F;
   bool any_exhausted = p.has_shares && !p.is_lightly_loaded;
-  struct Point {
-    std::int32_t index;  // in BatchPoints
-    double x, y;
-    double stiffness, error, impulse, impulse_change = 0.0;  // error: of the speed, u/s
-    BatchPointLimit* limit;
-    bool lifts = false;
-  };
   constexpr int kFewPoints = 8;
   Point few[kFewPoints];
   Point* bearing = few;
@@ -47,8 +89,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   }
   const int lane = p.lane;
   const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
-  const double determinant = xx * yy - xy * xy;
-  if (!(determinant > 0.0) || !(inverse_mass > 0.0)) return;
+  if (!(xx * yy - xy * xy > 0.0) || !(inverse_mass > 0.0)) return;
   const double mass = 1.0 / inverse_mass, hard_stiffness = mass / kSupportCompliance;
   const double inverse_softness = 1.0 / static_cast<double>(params.impulse_scale / params.mass_scale);
   double greatest_error = 0.0;
@@ -90,41 +131,10 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   else
     for (const std::int32_t i : support::points_of(list, p)) add(p.batch_point + i, nullptr);
   if (count < 2 || any_exhausted || greatest_error <= kSupportSolved) return;
-  // The change of velocity v + b·x + c·y at the points and their impulses, with compliances as springs in
-  // series with the rigid body: (body's inertia + Σ stiffness) · (v, b, c) = Σ stiffness · error. Points that
-  // would pull lose their impulse.
-  const double inverse_determinant = 1.0 / determinant;
-  constexpr int kMaxPasses = 6;
-  for (int pass = 0, changed = 1; changed > 0; ++pass) {
-    if (pass == kMaxPasses) return;
-    double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
-           syy = yy * inverse_determinant;
-    double error = 0.0, error_x = 0.0, error_y = 0.0;
-    for (int i = 0; i < count; ++i) {
-      const Point& b = bearing[i];
-      const double force = b.lifts ? -b.impulse : b.stiffness * b.error;
-      error += force, error_x += force * b.x, error_y += force * b.y;
-      if (b.lifts) continue;
-      const double kx = b.stiffness * b.x, ky = b.stiffness * b.y;
-      s += b.stiffness, sx += kx, sy += ky, sxx += kx * b.x, sxy += kx * b.y, syy += ky * b.y;
-    }
-    Matrix3 sum;
-    sum << s, sx, sy, sx, sxx, sxy, sy, sxy, syy;
-    const Vector3 change = support::solve(sum, Vector3(error, error_x, error_y));
-    changed = 0;
-    for (int i = 0; i < count; ++i) {
-      Point& b = bearing[i];
-      b.impulse_change = b.stiffness * (b.error - (change[0] + b.x * change[1] + b.y * change[2]));
-      const bool lifts = b.impulse + b.impulse_change <= 0.0;
-      if (lifts) b.impulse_change = -b.impulse;
-      changed += lifts != b.lifts;
-      b.lifts = lifts;
-    }
-    if (changed > 0 && !p.has_shares) return;
-  }
+  const std::span<Point> all(bearing, count);
+  if (!solve_impulses(all, mass, w, !p.has_shares)) return;
   double force = 0.0, moment_x = 0.0, moment_y = 0.0;
-  for (int i = 0; i < count; ++i) {
-    const Point& b = bearing[i];
+  for (const Point& b : all) {
     BatchPoint& point = points.point[b.index];
     const auto impulse_change = static_cast<float>(b.impulse_change);
     point.normal_impulse[lane] += impulse_change;

@@ -115,6 +115,7 @@ class Docs(ProgramTest):
                     arguments[arguments.index("--generations") + 1] = "1"
                 if "--frames" in arguments:  # identification too; its costs grow with the frames
                     arguments[arguments.index("--frames") + 1] = "200"
+                    self.wait_for_claim(arguments[arguments.index("--shm") + 1])  # by what moves the cells
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless" if program == "smartsurf" else "--threads=1"
                 # A surface without a controller waits for the command that follows it. The default name may be in use.
