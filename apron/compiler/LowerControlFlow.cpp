@@ -34,10 +34,7 @@ bool is_comparison(Opcode op) { return op >= Opcode::kLt && op <= Opcode::kNe; }
 }  // namespace
 
 std::uint32_t Lowering::current_where_region() const {
-  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
-    if (block->kind == BlockKind::kWhere) return block->where_region;
-  }
-  return 0;
+  return blocks_.empty() ? 0 : blocks_.back().where_region;
 }
 
 // jumpif(condition, #label) and callif(condition, #label).
@@ -97,7 +94,7 @@ void Lowering::open_block(BlockKind kind, Location location) {
   block.test_label = builder_.new_label();
   block.continue_label = builder_.new_label();
   block.end_label = builder_.new_label();
-  if (kind == BlockKind::kWhere) block.where_region = ++where_region_count_;
+  block.where_region = kind == BlockKind::kWhere ? ++where_region_count_ : current_where_region();
   blocks_.push_back(block);
 }
 

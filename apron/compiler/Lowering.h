@@ -59,8 +59,8 @@ class Lowering {
     // The labels of a loop: its test, the target of `continue`, and the instruction after the loop.
     ProgramBuilder::Label test_label = 0, continue_label = 0, end_label = 0;
     bool has_else = false;
-    bool from_error = false;  // its opening line has an error; emit nothing for it
-    std::uint32_t where_region = 0;
+    bool from_error = false;         // its opening line has an error; emit nothing for it
+    std::uint32_t where_region = 0;  // of the innermost `where`, be it this block or around it
     Shape where_shape;
     Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
