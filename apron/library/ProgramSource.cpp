@@ -1,6 +1,7 @@
 #include "apron/library/ProgramSource.h"
 
 #include "apron/compiler/Compiler.h"
+#include "apron/program/CallSite.h"
 #include "apron/program/Reachability.h"
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/FileReader.h"
@@ -48,6 +49,13 @@ SizedProgram compile(const ProgramSource& source, std::uint32_t width, std::uint
     throw common::UserError(
         without_last_newline(syntax::format_diagnostics(result.diagnostics, result.sources)));
   return {std::move(*result.program), syntax::format_diagnostics(result.warnings, result.sources)};
+}
+
+void require_no_modules(const program::Program& program) {
+  if (program.modules.empty()) return;
+  throw common::UserError(program::format_module_call(program, 0) + "error: !module('" +
+                          program.modules.front() +
+                          "'): native modules are not loaded here: use apron run --module");
 }
 
 void require_parameters(const program::Program& program, const ParameterValues& values,

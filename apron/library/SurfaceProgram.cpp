@@ -5,7 +5,6 @@
 #include <span>
 
 #include "apron/library/ChannelName.h"
-#include "apron/program/CallSite.h"
 #include "apron/vm/Vm.h"
 #include "common/error/UserError.h"
 #include "common/files/ReadFile.h"
@@ -145,10 +144,7 @@ class ProgramFactory final : public common::ControllerFactory {
   std::unique_ptr<common::Controller> create(const common::ControlledSurface& surface) const override {
     SizedProgram compiled = compile(source_, surface.columns, surface.rows);
     require_parameters(compiled.program, parameters_, source_.file);
-    if (!compiled.program.modules.empty())
-      throw common::UserError(program::format_module_call(compiled.program, 0) + "error: !module('" +
-                              compiled.program.modules.front() +
-                              "'): native modules are not loaded here: use apron run --module");
+    require_no_modules(compiled.program);
     return std::make_unique<SurfaceProgram>(std::move(compiled.program), surface, parameters_, print_);
   }
 

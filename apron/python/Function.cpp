@@ -181,10 +181,7 @@ std::shared_ptr<Function::Variant> Function::compile_variant(Shape shape) const 
   variant->program = library::compile(configuration_.source, shape.second, shape.first).program;
   const program::Program& program = variant->program;
   const std::string& file = configuration_.source.file;
-  if (!program.modules.empty())
-    throw common::UserError(program::format_module_call(program, 0) + "error: !module('" +
-                            program.modules.front() +
-                            "'): native modules are not loaded here: use apron run --module");
+  library::require_no_modules(program);
   if (const std::optional<std::size_t> loop = program::find_endless_loop(program))
     throw common::UserError(program::format_call_site(program, *loop) +
                             "error: the program repeats forever without a frame, which ticks= counts: "

@@ -266,7 +266,7 @@ class LiveRecording {
     snapshot_.time_s = info.time_s;
     status_ = info.status;
     seen_ns_ = host_ns();
-    came_ = when;
+    arrival_ = when;
     latency_us_ = std::numeric_limits<float>::quiet_NaN();
     open_ = true;
   }
@@ -280,9 +280,9 @@ class LiveRecording {
       actuators_.copy(observer_);
       answered_tick_ = info.tick;
       if (!open_ || info.answers != last_frame_) continue;
-      const Arrival answer{std::max(found.when.earliest, came_.earliest), found.when.latest};
-      if (is_known(came_) && is_known(answer))
-        latency_us_ = std::chrono::duration<float, std::micro>(answer.latest - came_.latest).count();
+      const Arrival answer{std::max(found.when.earliest, arrival_.earliest), found.when.latest};
+      if (is_known(arrival_) && is_known(answer))
+        latency_us_ = std::chrono::duration<float, std::micro>(answer.latest - arrival_.latest).count();
       finish_frame();
     }
   }
@@ -342,7 +342,7 @@ class LiveRecording {
   bool open_ = false;  // a sensor frame waits for its answer, or for the next frame
   std::uint64_t last_frame_ = 0, lost_ = 0, lost_frames_ = 0, frames_ = 0;
   std::uint64_t status_ = 0, seen_ns_ = 0, answered_tick_ = kUnknown;
-  Arrival came_{};  // the open frame
+  Arrival arrival_{};  // the open frame
   steady_clock::time_point sensors_looked_at_, answers_looked_at_;
   float latency_us_ = 0;
 };

@@ -27,7 +27,7 @@ def ended(pid):
 
 
 def children(pid):
-    """Of the process's threads; none if it is gone."""
+    """The processes that its threads have started; none if it is gone."""
     found = []
     for thread in pathlib.Path(f"/proc/{pid}/task").glob("*/children"):
         try:
@@ -38,7 +38,7 @@ def children(pid):
 
 
 def processor_time(pid):
-    """Of the process and those below it, in their own code, s; 0 of those that are gone."""
+    """Seconds that the process and those below it have spent in their own code; 0 for those that are gone."""
     found = fields(pid)
     own = int(found[11]) / os.sysconf("SC_CLK_TCK") if found else 0
     return own + sum(map(processor_time, children(pid)))

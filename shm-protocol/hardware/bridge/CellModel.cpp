@@ -211,7 +211,7 @@ struct Optimum {
   double sum = std::numeric_limits<double>::infinity();  // of squares
 };
 
-// The best of all delays up to one after which two fit worse than those before; begins at a straight line.
+// Fits each delay in turn, until two in a row fit worse than the best one. Starts from the straight line.
 Optimum best_of_delays(const Fitter& fitter, const CellRecording& c, const Eigen::Vector2d& line,
                        const Vector& scale, int most_delay) {
   Optimum best;
@@ -246,7 +246,7 @@ Optimum best_of_delays(const Fitter& fitter, const CellRecording& c, const Eigen
 
 // A limit may have been lost on the way to the optimum, from where there is no way back, or that way may have
 // ended at a wrong delay, which leaves more than noise.
-Optimum with_lost_limits(const Fitter& fitter, const CellRecording& c, const Optimum& reached,
+Optimum fit_limits_again(const Fitter& fitter, const CellRecording& c, const Optimum& reached,
                          const Vector& scale, int most_delay) {
   Optimum best = reached;
   const bool leaves_more = reached.sum / fitter.count() > 1.5 * std::pow(noise_of(c), 2);
@@ -269,8 +269,8 @@ Optimum with_lost_limits(const Fitter& fitter, const CellRecording& c, const Opt
 void set_values(CellFit& fit, const Fitter& fitter, const CellRecording& c, Optimum best,
                 const Vector& scale) {
   const Residuals at_best = fitter.residuals(best.x, best.delay);
-  const int freedom = fitter.count() - kFree;
-  const double variance = best.sum / freedom;
+  const int degrees_of_freedom = fitter.count() - kFree;
+  const double variance = best.sum / degrees_of_freedom;
   auto j = fitter.jacobian(best.x, scale, best.delay);
   const bool up = at_best.limited_up > 0, down = at_best.limited_down > 0;
   if (!up) j.col(3).setZero();
@@ -303,7 +303,7 @@ void set_values(CellFit& fit, const Fitter& fitter, const CellRecording& c, Opti
   const double rounding = c.resolution * c.resolution / 12;
   const double noise = std::sqrt(std::max(variance - rounding, 0.0));
   fit.value[CellFit::kNoise] = noise;
-  if (noise > 0) fit.error[CellFit::kNoise] = variance / noise / std::sqrt(2.0 * freedom);
+  if (noise > 0) fit.error[CellFit::kNoise] = variance / noise / std::sqrt(2.0 * degrees_of_freedom);
   double sensor_zero = 0, its_variance = 0;
   if (!c.at_rest.empty()) {
     for (const float y : c.at_rest) sensor_zero += static_cast<double>(y);
@@ -345,7 +345,7 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   Vector scale;
   scale << stroke, 1, 0.1 * stroke, c.period_s / stroke, c.period_s / stroke, 5 * c.period_s;
   const Optimum reached = best_of_delays(fitter, c, line, scale, most_delay);
-  set_values(fit, fitter, c, with_lost_limits(fitter, c, reached, scale, most_delay), scale);
+  set_values(fit, fitter, c, fit_limits_again(fitter, c, reached, scale, most_delay), scale);
   return fit;
 }
 

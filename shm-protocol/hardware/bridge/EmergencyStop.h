@@ -19,17 +19,18 @@ class EmergencyStop {
   class Release {
    public:
     Release() = default;  // none
-    explicit Release(std::uint64_t newest_frame) : frame_(newest_frame), looks_(0) {}
-    bool is_due(std::uint64_t newest_frame, std::uint32_t period_us) {
-      if (std::exchange(frame_, newest_frame) != newest_frame && looks_ != kNone) ++looks_;
-      return looks_ >= std::max(kMinFrames, kTime_us / std::max(period_us, 1U));
+    explicit Release(std::uint64_t newest_frame) : frame_(newest_frame), new_frames_(0) {}
+    // Notes the newest frame. True: the frames report the release, or the board has refused it.
+    bool note_frame(std::uint64_t newest_frame, std::uint32_t period_us) {
+      if (std::exchange(frame_, newest_frame) != newest_frame && new_frames_ != kNone) ++new_frames_;
+      return new_frames_ >= std::max(kMinFrames, kTime_us / std::max(period_us, 1U));
     }
 
    private:
     static constexpr std::uint32_t kTime_us = 500'000, kMinFrames = 3;
     static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
     std::uint64_t frame_ = 0;
-    std::uint32_t looks_ = kNone;  // that found another frame
+    std::uint32_t new_frames_ = kNone;  // noted; those between two looks of the bridge count once
   };
 
   bool active() const { return reason_ != 0; }
@@ -50,10 +51,10 @@ class EmergencyStop {
   // SSW_ARM or 0. Its report of an own stop stops all.
   std::uint8_t packet_for(std::uint32_t flags, std::uint64_t frame, std::uint32_t period_us, Release& release,
                           const std::string& board) {
-    const bool stopped = (flags & SSW_STOPPED) != 0, is_due = release.is_due(frame, period_us);
+    const bool stopped = (flags & SSW_STOPPED) != 0, is_over = release.note_frame(frame, period_us);
     if (active()) return stopped ? 0 : SSW_STOP_NOW;
     if (!stopped) return 0;
-    if (!is_due) return SSW_ARM;
+    if (!is_over) return SSW_ARM;
     stop(SSW_STOP_BY_LINE, "board '" + board + "'");
     return 0;
   }

@@ -53,8 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         from ._identification import identify
     except ImportError as error:
-        raise ValueError(f"{error} in {sys.executable}; it needs SciPy and h5py: scripts/setup --identify, or the extra identify of the "
-                         "wheel or the checkout (docs/python.md)") from error
+        raise ValueError(f"{error} in {sys.executable}; it needs SciPy and h5py: scripts/setup --identify, or the package's extra "
+                         "'identify' (docs/python.md)") from error
     found = identify(how.recordings, how.experiment, how.output, how.channel, how.sensor, how.object, how.fit, how.seconds, dict(how.set))
     print(found.report, end="")
     out = pathlib.Path(how.output)

@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         from . import training
     except ImportError as error:
-        raise ValueError(f"{error}; it needs the extra learning of the wheel or the checkout (docs/python.md)") from error
+        raise ValueError(f"{error}; it needs the package's extra 'learning' (docs/python.md)") from error
     name, make, source = training.find_task(how.task)
     folder = how.out or pathlib.Path("out/train") / f"{name}-{how.method}"
     learn: Any = training.train_cem

@@ -8,7 +8,6 @@
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
-
 namespace {
 
 // A point of a patch that bears a load.

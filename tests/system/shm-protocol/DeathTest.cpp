@@ -15,7 +15,7 @@ namespace {
 
 // On a busy machine, a life may be over before its first answer: so many may follow until enough answers
 // came.
-constexpr int kMostLives = 1000;
+constexpr int kMaxLives = 1000;
 
 std::ptrdiff_t open_descriptors() {
   return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
@@ -39,7 +39,7 @@ TEST(Death, SessionSurvivesKilledControllers) {
   std::uint64_t tick = 0, answered_ticks = 0;
   const auto descriptors = open_descriptors();
   std::uint64_t lives = 0;
-  for (; lives < 60 || (answered_ticks <= 60 && lives < kMostLives); ++lives) {
+  for (; lives < 60 || (answered_ticks <= 60 && lives < kMaxLives); ++lives) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
       return mine.description().session == session && serve(mine, kForever) == Status::kOk ? 0 : 1;
@@ -170,7 +170,7 @@ TEST(Death, ControllerKilledMidAnswerLeavesNoMixedFrame) {
   const std::size_t cells = surface.description().cells();
   std::vector<float> out(cells);
   std::uint64_t tick = 0, whole = 0;
-  for (int life = 0; life < 25 || (whole <= 25 && life < kMostLives); ++life) {
+  for (int life = 0; life < 25 || (whole <= 25 && life < kMaxLives); ++life) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
       return static_cast<int>(serve_chunked(mine, out));
