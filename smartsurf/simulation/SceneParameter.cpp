@@ -218,8 +218,7 @@ void set_cell_faults(SceneSpec& s, const std::string& channel, const std::string
       cells.push_back({row, column, channel, fault, std::nullopt});
   }
   // Not the order of the calls: a later entry of a cell overrides an earlier one.
-  std::ranges::stable_sort(cells, {},
-                           [](const scene::CellFault& c) { return std::pair(c.channel, c.fault); });
+  std::ranges::stable_sort(cells, {}, [](const scene::CellFault& c) { return std::tie(c.channel, c.fault); });
 }
 
 struct FaultField {

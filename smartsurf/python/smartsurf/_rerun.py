@@ -79,6 +79,7 @@ class Rerun:
         self._check_table()
         self.names = {s: set(s.parameters) for s in [*self.simulations, *self._of_heights]}
         self.parameters = set().union(*self.names.values())
+        self._applied: dict[Simulation, dict[str, Array]] = {s: {} for s in self.names}  # what run() has set
         for s, names in self.names.items():
             for name in names:
                 if name.startswith("sensor.") and name.rsplit(".", 1)[-1] in _ERRORS:
@@ -110,9 +111,11 @@ class Rerun:
         """The readings of these sensor channels in every frame of each recording (frames × rows × columns), or in the first
         ones, with these values of parameters. only: of these recordings."""
         for s, names in self.names.items():
-            for name, value in values.items():
-                if name in names:
+            applied = self._applied[s]
+            for name, value in values.items():  # each call checks the whole scene: most of them would change nothing
+                if name in names and not (name in applied and np.array_equal(applied[name], value, equal_nan=True)):
                     s.set_parameter(name, value)
+                    applied[name] = np.array(value, float)
         simulations = self._of_heights if tuple(sensors) == (HEIGHT,) else self.simulations
         results = []
         for index in range(len(self.recordings)) if only is None else only:
@@ -121,13 +124,16 @@ class Rerun:
             frames = min(recording.frames, most_frames or recording.frames)
             out = {name: np.empty((frames, s.rows, s.columns), np.float32) for name in sensors}
             views = [(out[name], s.sensors[name]) for name in sensors]
-            commands = recording.commands
-            first = {name: plane[0] for name, plane in commands.items()}
+            commands = [(s.actuators[name], plane) for name, plane in recording.commands.items()]
+            for to, plane in commands:
+                to[...] = plane[0]
             for _ in range(self.settle_ticks(recording)):
-                s.step(first)
+                s.step()
             for frame in range(frames):
                 if frame > 0:
-                    s.step({name: plane[frame] for name, plane in commands.items()})
+                    for to, plane in commands:
+                        to[...] = plane[frame]
+                    s.step()
                 for to, view in views:
                     to[frame] = view
             results.append(out)
