@@ -1,6 +1,5 @@
 #include "smartsurf/mesh/ConvexDecomposition.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -12,6 +11,7 @@
 #include "smartsurf/mesh/ClippedMesh.h"
 #include "smartsurf/mesh/ConvexHull.h"
 #include "smartsurf/mesh/MassProperties.h"
+#include "smartsurf/scene/Axes.h"
 
 namespace smartsurf::mesh {
 namespace {
@@ -229,10 +229,10 @@ std::vector<Plane> principal_planes(const DecompositionPart& part, double margin
   centre /= area;
   spread = spread / area - centre * centre.transpose();
   centre += part.points[0];
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
+  const Eigen::Matrix3d axes = scene::principal_axes(spread).axes;
   std::vector<Plane> planes;
-  for (int axis = 0; axis < 3; ++axis) {  // eigenvalues ascend
-    const Eigen::Vector3d normal = axes.eigenvectors().col(axis);
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d normal = axes.col(axis);
     double low = INFINITY, high = -INFINITY;
     for (const Eigen::Vector3d& p : part.points) {
       low = std::min(low, normal.dot(p));

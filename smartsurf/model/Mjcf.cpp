@@ -8,6 +8,7 @@
 
 #include "smartsurf/model/Model.h"
 #include "smartsurf/model/XmlFile.h"
+#include "smartsurf/scene/Axes.h"
 
 namespace smartsurf::model {
 namespace {
@@ -198,7 +199,7 @@ class MjcfReader {
 
   static Eigen::Quaterniond along_z(const Element& e, const Eigen::Vector3d& direction) {
     if (!(direction.norm() > 1e-9)) e.refuse("the direction must not be of length 0");
-    return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), direction.normalized());
+    return scene::rotation_between(Eigen::Vector3d::UnitZ(), direction.normalized());
   }
 
   Pose read_pose(const Defaulted& e) const {

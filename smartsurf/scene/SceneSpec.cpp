@@ -1,11 +1,11 @@
 #include "smartsurf/scene/SceneSpec.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <numbers>
 
+#include "smartsurf/scene/Axes.h"
 #include "smartsurf/scene/BuiltInActuators.h"
 #include "smartsurf/scene/KindRegistry.h"
 
@@ -395,8 +395,7 @@ std::string validate(const SurfaceSpec& s) {
 // The inertia of a body is positive, and no principal moment exceeds the sum of the others by more than 1 %.
 std::string validate_inertia(const Eigen::Matrix3d& inertia) {
   if (!inertia.allFinite()) return "inertia: must be finite";
-  const Eigen::Vector3d moments =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  const Eigen::Vector3d moments = principal_axes(inertia).moments;
   if (!(moments[0] >= kMinInertia && moments[2] <= kMaxInertia))
     return range_error("inertia, whose least principal moment", moments[0],
                        "in [1e-15, 1e+24], as must the greatest, " + format_number(moments[2]));

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/Axes.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;
@@ -84,7 +85,7 @@ class Chain {
     auto o = is_box_ ? box({2 * radius_, 2 * radius_, length_}, 0.5 * (from + to))
                      : capsule(radius_, length_ + 2 * radius_, 0.5 * (from + to));
     o.mass = mass_;
-    o.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), along);
+    o.orientation = smartsurf::scene::rotation_between(Vector3d::UnitZ(), along);
     links_.push_back(fixture_.add(o));
   }
   void join(scene::ObjectId a, std::optional<scene::ObjectId> b, const Vector3d& at) {

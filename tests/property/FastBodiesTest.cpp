@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "smartsurf/mesh/SolidBuilder.h"
+#include "smartsurf/scene/Axes.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;
@@ -155,7 +156,7 @@ TEST_P(FastBodies, BallBouncesOffWallByNewtonsLaw) {
     fixture.scene.materials[0].friction = 0.0;
     const Vector3d middle(15, 15, 40), normal = seed % 2 == 0 ? draw.direction() : Vector3d::Unit(seed % 3);
     auto wall = box({draw.log_uniform(0.001, 1), 40, 40}, middle);
-    wall.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitX(), normal);
+    wall.orientation = smartsurf::scene::rotation_between(Vector3d::UnitX(), normal);
     wall.fixed = true;
     fixture.add(wall);
     const double radius = draw.log_uniform(0.03, 1);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "smartsurf/scene/Axes.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;
@@ -147,7 +148,7 @@ TEST_P(Rotation, TopKeepsItsTiltAndPrecesses) {
   auto top = cone(radius, height, {0, 0, 0});
   // The cone's tip is its +z end; `axis` points from the tip to the base.
   const Vector3d axis(std::sin(tilt), 0, std::cos(tilt));
-  top.orientation = Eigen::Quaterniond::FromTwoVectors(-Vector3d::UnitZ(), axis);
+  top.orientation = smartsurf::scene::rotation_between(-Vector3d::UnitZ(), axis);
   top.position = Vector3d(15, 15, 0) + l * axis;
   const Vector3d omega = spin * axis + precession * (Vector3d::UnitZ() - std::cos(tilt) * axis);
   top.angular_velocity = omega;

@@ -1,6 +1,5 @@
 #include "smartsurf/world/body/BodyStore.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "common/memory/Prefetch.h"
+#include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/body/RotationKernels.h"
 
 namespace smartsurf::world {
@@ -27,9 +27,9 @@ PrincipalInertia principal_inertia(const Mat3& tensor) {
   Eigen::Vector3d moments = tensor.diagonal().cast<double>();
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
   if (!tensor.isDiagonal(0.0F)) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(tensor.cast<double>());
-    moments = solver.eigenvalues();
-    axes = solver.eigenvectors();
+    const scene::PrincipalAxes principal = scene::principal_axes(tensor.cast<double>());
+    moments = principal.moments;
+    axes = principal.axes;
   }
   std::array<int, 3> order{0, 1, 2};
   std::stable_sort(order.begin(), order.end(), [&](int i, int j) { return moments[i] < moments[j]; });

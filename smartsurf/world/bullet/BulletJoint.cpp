@@ -6,6 +6,7 @@
 #include <numbers>
 #include <utility>
 
+#include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/bullet/BulletShape.h"
 
 namespace smartsurf::world {
@@ -25,7 +26,7 @@ BulletJoint::BulletJoint(scene::JointId id, const scene::JointSpec& spec, btDisc
                          btRigidBody& a, btRigidBody* b)
     : id_(id), kind_(spec.kind), world_(world), a_(&a), b_(b) {
   const Eigen::Quaterniond rotation =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitX(), spec.axis.normalized());
+      scene::rotation_between(Eigen::Vector3d::UnitX(), spec.axis.normalized());
   const btTransform frame(to_bt(rotation), to_bt(spec.anchor));
   frame_in_a_ = a.getWorldTransform().inverse() * frame;
   frame_in_b_ = b ? b->getWorldTransform().inverse() * frame : frame;

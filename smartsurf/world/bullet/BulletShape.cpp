@@ -1,10 +1,10 @@
 #include "smartsurf/world/bullet/BulletShape.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/body/Shape.h"
 #include "smartsurf/world/field/TipsOnField.h"
 
@@ -51,10 +51,9 @@ void set_inertia(BulletShape& out, const scene::ObjectSpec& o, double mass) {
     out.inertia = to_bt(Eigen::Vector3d(inertia.diagonal()));
     return;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(inertia);
-  Eigen::Matrix3d axes = solver.eigenvectors();
+  auto [moments, axes] = scene::principal_axes(inertia);
   if (axes.determinant() < 0.0) axes.col(2) = -axes.col(2);
-  out.inertia = to_bt(Eigen::Vector3d(solver.eigenvalues()));
+  out.inertia = to_bt(moments);
   out.principal_axes = Eigen::Quaterniond(axes).normalized();
 }
 

@@ -3,6 +3,7 @@
 #include <limits>
 #include <utility>
 
+#include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/solver/JointSolver.h"
 
 namespace smartsurf::world {
@@ -28,7 +29,7 @@ scene::JointId JointSolver::add(const scene::JointSpec& spec, BodyStore& bodies)
   j.a = bodies.find(spec.a);
   j.b = spec.b ? bodies.find(*spec.b) : -1;
   const Pose a = pose_of(bodies, j.a), b = pose_of(bodies, j.b);
-  const Quatd frame = Quatd::FromTwoVectors(Vec3d::UnitZ(), spec.axis.normalized());  // z along the axis
+  const Quatd frame = scene::rotation_between(Vec3d::UnitZ(), spec.axis.normalized());  // z along the axis
   j.anchor_a = a.orientation.conjugate() * (spec.anchor - a.position);
   j.anchor_b = b.orientation.conjugate() * (spec.anchor - b.position);
   j.frame_a = a.orientation.conjugate() * frame;

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <span>
 
+#include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 
 namespace smartsurf::world {
@@ -86,8 +87,9 @@ JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Quatd& own
     case JointKind::kHinge: {
       const Vec3d axis_a = frame_a * Vec3d::UnitZ(), axis_b = frame_b * Vec3d::UnitZ();
       // Beyond a right angle the cross product decreases again.
-      const Vec3d tilt = axis_a.dot(axis_b) >= 0.0 ? axis_b.cross(axis_a)
-                                                   : Vec3d(2.0 * Quatd::FromTwoVectors(axis_b, axis_a).vec());
+      const Vec3d tilt = axis_a.dot(axis_b) >= 0.0
+                             ? axis_b.cross(axis_a)
+                             : Vec3d(2.0 * scene::rotation_between(axis_b, axis_a).vec());
       error.head<5>() << d, x.dot(tilt), y.dot(tilt);
       break;
     }
