@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Fails on an include that the architecture does not allow (see docs/architecture.md).
+"""Fails on an include that the architecture does not allow (see docs/architecture.md), and on one of Eigen's
+decompositions outside the unit that compiles them.
 
 usage: include_rules.py SOURCE_ROOT
 """
@@ -89,6 +90,10 @@ PRIVATE = [
     (r"^CLI/", {"common/cli", "smartsurf/run", "apron/run"}),
 ]
 
+# Eigen's eigenvalue and singular-value decompositions, which can double the compile time of a file, and the unit that calls them.
+DECOMPOSITIONS = re.compile(r"FromTwoVectors|\b(SelfAdjointEigenSolver|JacobiSVD|BDCSVD)\b")
+DECOMPOSED_IN = "smartsurf/scene/Axes"
+
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]([^">]+)[">]')
 
 
@@ -154,8 +159,17 @@ def violations(root):
                     yield f"{relative}:{number}: {name} is private to {' and '.join(sorted(allowed)) or 'the benchmarks'}"
 
 
+def decompositions(root):
+    for path in sorted(p for folder in ("shm-protocol", "smartsurf", "tests") for p in (root / folder).rglob("*") if p.suffix in {".h", ".cpp"}):
+        relative = path.relative_to(root).as_posix()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if (match := DECOMPOSITIONS.search(line)) and relative != DECOMPOSED_IN + ".cpp":
+                yield f"{relative}:{number}: {match.group(0)} is compiled in {DECOMPOSED_IN}.cpp alone: use {DECOMPOSED_IN}.h"
+
+
 def main():
-    found = list(violations(pathlib.Path(sys.argv[1])))
+    root = pathlib.Path(sys.argv[1])
+    found = [*violations(root), *decompositions(root)]
     for violation in found:
         print(violation)
     return 1 if found else 0
