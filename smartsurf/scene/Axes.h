@@ -1,5 +1,5 @@
-// Rotations between directions, and principal axes. The decompositions behind them are the largest of Eigen's
-// templates, and are compiled in this unit alone.
+// Rotations between directions, and principal axes. Eigen's decompositions behind them are slow to compile,
+// so only this unit calls them.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,8 +7,8 @@
 
 namespace smartsurf::scene {
 
-// The shortest rotation that turns the direction `from` into `to`; of opposite ones, about some axis
-// perpendicular to them.
+// The smallest rotation from the direction of `from` to that of `to`, which may have any length but 0. Where
+// they are opposite, it is about some axis perpendicular to them.
 Eigen::Quaterniond rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
 struct PrincipalAxes {
@@ -16,7 +16,7 @@ struct PrincipalAxes {
   Eigen::Matrix3d axes;     // columns: unit vectors, one for each moment; may be left-handed
 };
 
-// Of a symmetric matrix, such as an inertia tensor.
+// Diagonalises a symmetric matrix, such as an inertia tensor; reads its lower triangle.
 PrincipalAxes principal_axes(const Eigen::Matrix3d& symmetric);
 
 }  // namespace smartsurf::scene

@@ -112,7 +112,7 @@ class Rerun:
         ones, with these values of parameters. only: of these recordings."""
         for s, names in self.names.items():
             applied = self._applied[s]
-            for name, value in values.items():  # each call checks the whole scene: most of them would change nothing
+            for name, value in values.items():  # a call checks the whole scene, and most values stay the same
                 if name in names and not (name in applied and np.array_equal(applied[name], value, equal_nan=True)):
                     s.set_parameter(name, value)
                     applied[name] = np.array(value, float)

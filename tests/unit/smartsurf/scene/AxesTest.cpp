@@ -23,7 +23,7 @@ class Axes : public testing::Test {
 TEST_F(Axes, RotationsTakeOneDirectionToTheOtherTheShortWay) {
   for (int i = 0; i < 1000; ++i) {
     const Vector3d from = vector().normalized();
-    // Every third pair is opposite, or but for one part in 10⁸.
+    // Every third pair is opposite, every second of these only to within about 10⁻⁸.
     const Vector3d to =
         i % 3 == 0 ? Vector3d(-from + (i % 2) * 1e-8 * vector()).normalized() : vector().normalized();
     const Eigen::Quaterniond q = rotation_between(from, to);
