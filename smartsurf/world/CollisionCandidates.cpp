@@ -143,12 +143,27 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   std::ranges::for_each(grid_->large_bodies(), add_large);
   std::ranges::for_each(sleeper_grid_.large_bodies(), add_large);
   if (!fast_bodies_.empty()) find_fast_neighbours(bodies);
-  std::stable_sort(large_neighbours_.begin(), large_neighbours_.end(),
-                   [](const LargeNeighbour& a, const LargeNeighbour& b) { return a.body < b.body; });
-  for (int k = 0; k < std::ssize(large_neighbours_); ++k) {
-    IndexRange& range = large_neighbours_of_[large_neighbours_[k].body];
-    if (range.end == 0) range.begin = k;
-    range.end = k + 1;
+  group_large_neighbours();
+}
+
+// Those of a body follow each other, in the order in which they were found.
+void CollisionPipeline::group_large_neighbours() {
+  found_large_neighbours_.swap(large_neighbours_);
+  large_neighbours_.resize(found_large_neighbours_.size());
+  for (const LargeNeighbour& n : found_large_neighbours_) ++large_neighbours_of_[n.body].end;
+  int at = 0;
+  for (const LargeNeighbour& n : found_large_neighbours_) {
+    IndexRange& range = large_neighbours_of_[n.body];
+    if (range.begin >= 0) {  // the first of its body: ~begin is where the next of them goes
+      const int count = range.end;
+      range = {~at, at};
+      at += count;
+    }
+    large_neighbours_[range.end++] = n;
+  }
+  for (const LargeNeighbour& n : large_neighbours_) {
+    int& begin = large_neighbours_of_[n.body].begin;
+    if (begin < 0) begin = ~begin;
   }
 }
 

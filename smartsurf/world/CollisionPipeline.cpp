@@ -89,7 +89,7 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
   pair_output_.resize(partition_.body_runs().size());
   static_output_.resize(partition_.body_runs().size());
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
-    slab_results_[s].overloaded = false;
+    slab_results_[s].overloaded = slab_results_[s].has_flat_pair = false;
     slab_results_[s].expected_pair = 0;
     slab_results_[s].pair_contacts.clear();
     slab_results_[s].swept_pairs.clear();
@@ -149,6 +149,7 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   }
   member.single([&] {
     overloaded_ = std::ranges::any_of(slab_results_, &SlabResults::overloaded);
+    any_flat_pair_ = std::ranges::any_of(slab_results_, &SlabResults::has_flat_pair);
     swept_pairs_ = 0;
     for (const SlabResults& r : slab_results_) swept_pairs_ += static_cast<int>(r.swept_pairs.size());
     if (overloaded_) {

@@ -91,6 +91,8 @@ class CollisionPipeline {
   // Pairs of bodies that were swept in the last find_contacts(); calls visit(a, b) for the member's share of
   // them. b may be static.
   bool any_swept() const { return swept_pairs_ > 0; }
+  // True if a pair contact of the last find_contacts() is on a body that is no sphere.
+  bool any_flat_pair() const { return any_flat_pair_; }
   template <class Visit>
   void for_each_swept_pair(const Member& member, Visit visit) const {
     IndexRange own = member.share(swept_pairs_);
@@ -151,6 +153,7 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // the member that collides the slab
     bool overloaded = false;
+    bool has_flat_pair = false;    // a manifold on a body that is no sphere
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
@@ -191,6 +194,7 @@ class CollisionPipeline {
   void begin_detection(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
                        int member_count);
   void find_large_neighbours(const BodyStore&);
+  void group_large_neighbours();
   void swap_supports(int bodies);
   void move_static_points(const BodyStore&, std::size_t body, std::span<Contact>) const;
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
@@ -242,7 +246,7 @@ class CollisionPipeline {
   float max_fast_length_ = 0.0F;            // of their boxes along x, u
   std::vector<Vec3> half_extents_;          // of a non-sphere's bounding box in world axes, u
   std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
-  std::vector<LargeNeighbour> large_neighbours_;
+  std::vector<LargeNeighbour> large_neighbours_, found_large_neighbours_;
   std::vector<IndexRange> large_neighbours_of_;  // by body: range in large_neighbours_
   PreviousContacts previous_contacts_;
   SlabQueue slab_queue_;
@@ -250,7 +254,7 @@ class CollisionPipeline {
   std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step
   int swept_pairs_ = 0;                                       // of all slabs
-  bool overloaded_ = false;
+  bool overloaded_ = false, any_flat_pair_ = false;
   bool finds_in_order_ =
       false;  // a single member finds the manifolds of all body runs in the order of the grid
   std::size_t support_slabs_ = 0;  // number of lists of this step in supports_

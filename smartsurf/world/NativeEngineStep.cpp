@@ -40,6 +40,8 @@ struct NativeEngine::Stage {
   static bool writes_impulses(const E& e) { return !e.lacks_impulses_; }
   static bool any_asleep(const E& e) { return e.sleep_.any_asleep(); }
   static bool has_limits(const E& e) { return e.field_.has_force_limit(); }
+  // Spheres have no faces that could continue each other.
+  static bool any_flat_pair(const E& e) { return e.collision_.any_flat_pair(); }
   static bool may_stop(const E& e) { return e.collision_.any_swept() || !e.joints_.empty(); }
   static bool has_soft_tips(const E& e) { return !e.field_.yielding.empty(); }
   static bool has_skin(const E& e) { return e.field_.has_skin(); }
@@ -63,7 +65,7 @@ constexpr NativeEngine::Stage NativeEngine::Stage::kAll[] = {
     // ---- contacts
     {"broad phase",            kTeam,      call<&E::update_broadphase>},
     {"narrow phase",           kTeam,      call<&E::find_contacts>},
-    {"correct seams",          kTeam,      call<&E::correct_seams>},
+    {"correct seams",          kTeam,      call<&E::correct_seams>,          any_flat_pair},
     {"share force limits",     kOneOfTeam, call<&E::share_force_limits>,     has_limits},
     {"collect tip contacts",   kOneOfTeam, call<&E::collect_tip_contacts>,   has_soft_tips},
     {"collect skin contacts",  kOneOfTeam, call<&E::collect_skin_contacts>,  has_skin},

@@ -310,6 +310,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
     if (bodies.asleep[body]) results.touched_sleepers.push_back(static_cast<std::int32_t>(body));
   const auto contacts = std::span(pair_contacts.contacts).subspan(first);
   const bool both_spheres = bodies.is_sphere[a] && bodies.is_sphere[b];
+  results.has_flat_pair |= !both_spheres;
   if (!is_swept) predict_meetings(bodies, a, b, dt_s_, contacts);
   if (!is_swept && !both_spheres && (may_roll(bodies, a) || may_roll(bodies, b)))
     move_rolling_points(bodies, a, b, mean_substep_start_s_, contacts);

@@ -141,7 +141,6 @@ struct Corrected {
 // members find what changes for each body as if it were the first; where an earlier one has changed its
 // contacts, that is found again.
 struct SeamCorrection::Shared {
-  bool applies = false;
   Neighbours neighbours;
   std::vector<std::vector<Corrected>> of_members;
   std::vector<Corrected> all, again;
@@ -161,7 +160,6 @@ void SeamCorrection::run(const BodyStore& bodies, ContactList& pairs, ContactLis
                          std::span<const std::int32_t> own_bodies, const Member& member) {
   Shared& s = *shared_;
   member.single([&] { s.begin(bodies, pairs, statics, member); });
-  if (!s.applies) return;
   const bool are_found = member.member_count > 1;
   if (are_found) {
     std::vector<Corrected>& own = s.of_members[member.index];
@@ -172,12 +170,6 @@ void SeamCorrection::run(const BodyStore& bodies, ContactList& pairs, ContactLis
 
 void SeamCorrection::Shared::begin(const BodyStore& bodies, const ContactList& pairs,
                                    const ContactList& statics, const Member& member) {
-  // Spheres have no faces: scenes of spheres alone pay for no neighbours.
-  const auto has_flat_body = [&](const Manifold& m) {
-    return !bodies.is_sphere[m.a] || !bodies.is_sphere[m.b];
-  };
-  applies = std::ranges::any_of(pairs.manifolds, has_flat_body);
-  if (!applies) return;
   of_members.resize(member.member_count);
   for (std::vector<Corrected>& found : of_members) found.clear();
   neighbours.find(bodies, pairs, statics);
