@@ -2,6 +2,7 @@
 import argparse
 import shutil
 import sys
+import unittest.mock
 from importlib.machinery import SourceFileLoader
 
 from programs import *
@@ -127,10 +128,22 @@ class Bench(ProgramTest):
         bench = SourceFileLoader("bench", BENCH).load_module()
         self.start(sys.executable, "-c", "while True: pass")
         bench.SAMPLE_S = 0.5
+        bench.slowdown = lambda: 0.0
         (fault,) = bench.faults_of_machine()
         self.assertIn("the machine is busy", fault)
         with self.assertRaisesRegex(bench.Mistake, "--force"):
             bench.refused([fault], argparse.Namespace(force=False))
+
+    def test_page_notices_a_varying_speed(self):
+        bench = SourceFileLoader("bench", BENCH).load_module()
+        bench.use_by_others = lambda: 0.0
+        for slow, faults in ((20, 0), (40, 1)):  # of the 300 pieces, which take half as long again as the others
+            took = [1.5] * slow + [1.0] * (bench.PIECES - slow)
+            clock = iter([t for piece in took for t in (0.0, piece)])
+            with unittest.mock.patch.object(bench.time, "perf_counter", lambda: next(clock)):
+                found = bench.faults_of_machine()
+            self.assertEqual(len(found), faults, found)
+        self.assertIn("a tenth of equal pieces of work take 50% longer than their median", found[0])
 
     def test_report_flags_different_results(self):
         def line(who, us, agrees):
