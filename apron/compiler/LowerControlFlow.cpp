@@ -126,8 +126,8 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   ResultDestination destination{&variable, false};
   const Value counter = resolve_destination(destination, false, {});
   if (counter.is_register()) fail(variable.location, "'for' counts in a scalar, and this is a register");
-  const bool has_fraction = step.is_constant() && step.constant != std::trunc(step.constant);
-  const Value first = has_fraction ? loop_invariant(from) : Value();
+  const bool may_be_fraction = !step.is_constant() || step.constant != std::trunc(step.constant);
+  const Value first = may_be_fraction ? loop_invariant(from) : Value();
   builder_.emit(Opcode::kCopy, builder_.operand(counter), {builder_.operand(from)});
   open_block(BlockKind::kFor, location);
   Block& block = blocks_.back();
@@ -137,9 +137,14 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   if (!step.is_constant()) {
     block.direction = retained(builder_.allocate_scalar_temporary());
     builder_.emit(Opcode::kSign, builder_.operand(block.direction), {builder_.operand(step)});
+    block.fraction = retained(builder_.allocate_scalar_temporary());
+    builder_.emit(Opcode::kFloor, builder_.operand(block.fraction), {builder_.operand(step)});
+    builder_.emit(Opcode::kSub, builder_.operand(block.fraction),
+                  {builder_.operand(step), builder_.operand(block.fraction)});
   }
-  for (const Value& value : {bound, step, block.direction}) builder_.describe(value, "the 'for'");
-  if (has_fraction) count_rounds(block, first);
+  for (const Value& value : {bound, step, block.direction, block.fraction})
+    builder_.describe(value, "the 'for'");
+  if (may_be_fraction) count_rounds(block, first);
   builder_.bind_label(block.test_label);
   emit_for_test(block);
 }
@@ -158,24 +163,35 @@ void Lowering::check_for(const Value& from, const Value& bound, const Value& ste
 }
 
 // Sums of a fraction drift: ten times 0.1 are more than 1. The counter of such a loop is a product instead,
-// and a value that is beyond the bound by rounding alone still has its round.
+// and a value that is beyond the bound by rounding alone still has its round. Whether a step that is no
+// constant is one is known before the first round.
 void Lowering::count_rounds(Block& block, const Value& first) {
-  constexpr double kRounding = 1e-3;  // of a step
+  constexpr float kRounding = 1e-3F;  // of a step
   block.first = first;
   block.round = retained(builder_.allocate_scalar_temporary());
   for (const Value& value : {block.first, block.round}) builder_.describe(value, "the 'for'");
   builder_.emit(Opcode::kCopy, builder_.operand(block.round), {builder_.literal_operand(0.0F)});
-  const double margin = block.step.constant * kRounding;
-  if (block.bound.is_constant()) {
-    block.bound.constant = static_cast<float>(block.bound.constant + margin);
+  if (block.bound.is_constant() && block.step.is_constant()) {
+    block.bound.constant = static_cast<float>(block.bound.constant + block.step.constant * kRounding);
     return;
   }
   const Value limit = retained(builder_.allocate_scalar_temporary());
-  builder_.emit(Opcode::kAdd, builder_.operand(limit),
-                {builder_.operand(block.bound), builder_.literal_operand(static_cast<float>(margin))});
+  const ProgramBuilder::Label is_whole = builder_.new_label();
+  builder_.emit(Opcode::kCopy, builder_.operand(limit), {builder_.operand(block.bound)});
+  if (!block.step.is_constant()) jump_unless_fraction(block, is_whole);
+  builder_.emit(Opcode::kMac, builder_.operand(limit),
+                {builder_.operand(block.step), builder_.literal_operand(kRounding), builder_.operand(limit)});
+  builder_.bind_label(is_whole);
   builder_.release(block.bound);
   block.bound = limit;
   builder_.describe(limit, "the 'for'");
+}
+
+// For a step that is no constant.
+void Lowering::jump_unless_fraction(const Block& block, ProgramBuilder::Label label) {
+  Value fraction = block.fraction;
+  fraction.is_temporary = false;  // released when the loop ends
+  emit_conditional_jump({Opcode::kGt, fraction, Value::from_constant(0.0)}, false, label);
 }
 
 // A copy of the value that the loop's body cannot change; the caller releases it.
@@ -187,10 +203,6 @@ Value Lowering::loop_invariant(const Value& value) {
 }
 
 void Lowering::emit_for_test(const Block& block) {
-  if (block.round.kind != Value::Kind::kNone)
-    builder_.emit(
-        Opcode::kMac, builder_.operand(block.counter),
-        {builder_.operand(block.round), builder_.operand(block.step), builder_.operand(block.first)});
   if (block.step.is_constant()) {
     Value limit = block.bound;
     limit.is_temporary = false;  // released when the loop ends
@@ -289,25 +301,38 @@ void Lowering::close_block(BlockKind kind, Location location) {
     close_loop(block);
   }
   builder_.bind_label(block.end_label);
-  for (const Value& value :
-       {block.condition, block.counter, block.bound, block.step, block.direction, block.first, block.round})
+  for (const Value& value : {block.condition, block.counter, block.bound, block.step, block.direction,
+                             block.fraction, block.first, block.round})
     builder_.release(value);
   blocks_.pop_back();
 }
 
 void Lowering::close_loop(const Block& block) {
   if (block.kind != BlockKind::kWhile) builder_.bind_label(block.continue_label);
-  if (block.kind == BlockKind::kFor && block.round.kind != Value::Kind::kNone) {
-    builder_.emit(Opcode::kAdd, builder_.operand(block.round),
-                  {builder_.operand(block.round), builder_.literal_operand(1.0F)});
-  } else if (block.kind == BlockKind::kFor) {
-    builder_.emit(Opcode::kAdd, builder_.operand(block.counter),
-                  {builder_.operand(block.counter), builder_.operand(block.step)});
+  if (block.kind == BlockKind::kFor) {
+    advance_for(block);
   } else if (block.kind == BlockKind::kRepeat) {
     builder_.emit(Opcode::kSub, builder_.operand(block.counter),
                   {builder_.operand(block.counter), builder_.literal_operand(1.0F)});
   }
   builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.test_label)});
+}
+
+void Lowering::advance_for(const Block& block) {
+  const ProgramBuilder::Label is_whole = builder_.new_label();
+  if (block.round.kind != Value::Kind::kNone) {
+    builder_.emit(Opcode::kAdd, builder_.operand(block.round),
+                  {builder_.operand(block.round), builder_.literal_operand(1.0F)});
+    if (!block.step.is_constant()) jump_unless_fraction(block, is_whole);
+    builder_.emit(
+        Opcode::kMac, builder_.operand(block.counter),
+        {builder_.operand(block.round), builder_.operand(block.step), builder_.operand(block.first)});
+    if (block.step.is_constant()) return;
+    builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.test_label)});
+  }
+  builder_.bind_label(is_whole);
+  builder_.emit(Opcode::kAdd, builder_.operand(block.counter),
+                {builder_.operand(block.counter), builder_.operand(block.step)});
 }
 
 void Lowering::emit_loop_exit(bool is_continue, Location location) {

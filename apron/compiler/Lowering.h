@@ -64,7 +64,7 @@ class Lowering {
     Shape where_shape;
     Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
-    Value direction;  // the sign of a step that is no constant
+    Value direction, fraction;  // of a step that is no constant: its sign, what it is beyond a whole number
     // A `for` with a fraction as its step computes its counter: first + round · step.
     Value first, round;
   };
@@ -278,6 +278,8 @@ class Lowering {
   void check_for(const Value& from, const Value& bound, const Value& step, Location);
   Value loop_invariant(const Value&);
   void count_rounds(Block&, const Value& first);
+  void jump_unless_fraction(const Block&, ProgramBuilder::Label);
+  void advance_for(const Block&);
   void emit_for_test(const Block&);
   void open_repeat(const Expressions&, Location);
   void open_where(const Expressions&, Location);
