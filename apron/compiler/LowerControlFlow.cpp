@@ -162,36 +162,55 @@ void Lowering::check_for(const Value& from, const Value& bound, const Value& ste
                   {builder_.operand(from), builder_.operand(bound), builder_.operand(step)});
 }
 
-// Sums of a fraction drift: ten times 0.1 are more than 1. The counter of such a loop is a product instead,
-// and a value that is beyond the bound by rounding alone still has its round. Whether a step that is no
-// constant is one is known before the first round.
+// Sums of a fraction drift: ten times 0.1 are more than 1. Such a loop counts its rounds instead and computes
+// its counter: first + round · step. Bounds and step stand for decimals that no float equals, so a last value
+// that is beyond the bound by their rounding alone still has its round. Whether a step that is no constant is
+// a fraction is known before the first round.
 void Lowering::count_rounds(Block& block, const Value& first) {
-  constexpr float kRounding = 1e-3F;  // of a step
+  constexpr float kRounding = 0x1p-22F;  // of bounds and step, relative
+  constexpr float kMaxSlack = 0.25F;     // of a round
+  const auto number = [](double value) { return Value::from_constant(value); };
+  const auto compute = [this](Opcode op, const Value& a, const Value& b) { return compute_scalar(op, a, b); };
   block.first = first;
   block.round = retained(builder_.allocate_scalar_temporary());
-  for (const Value& value : {block.first, block.round}) builder_.describe(value, "the 'for'");
   builder_.emit(Opcode::kCopy, builder_.operand(block.round), {builder_.literal_operand(0.0F)});
-  if (block.bound.is_constant() && block.step.is_constant()) {
-    block.bound.constant = static_cast<float>(block.bound.constant + block.step.constant * kRounding);
-    return;
-  }
-  const Value limit = retained(builder_.allocate_scalar_temporary());
-  const ProgramBuilder::Label is_whole = builder_.new_label();
-  builder_.emit(Opcode::kCopy, builder_.operand(limit), {builder_.operand(block.bound)});
-  if (!block.step.is_constant()) jump_unless_fraction(block, is_whole);
-  builder_.emit(Opcode::kMac, builder_.operand(limit),
-                {builder_.operand(block.step), builder_.literal_operand(kRounding), builder_.operand(limit)});
-  builder_.bind_label(is_whole);
-  builder_.release(block.bound);
-  block.bound = limit;
-  builder_.describe(limit, "the 'for'");
+  const Value kept_bound = borrowed(block.bound), kept_first = borrowed(first),
+              kept_step = borrowed(block.step);
+  const Value magnitude = compute(Opcode::kAdd, compute(Opcode::kAbs, kept_bound, number(0.0)),
+                                  compute(Opcode::kAbs, kept_first, number(0.0)));
+  const Value reach = compute(Opcode::kDiv, magnitude, compute(Opcode::kAbs, kept_step, number(0.0)));
+  const Value slack =
+      compute(Opcode::kMin, compute(Opcode::kMul, reach, number(kRounding)), number(kMaxSlack));
+  const Value span = compute(Opcode::kSub, kept_bound, kept_first);
+  const Value rounds = compute(Opcode::kAdd, compute(Opcode::kDiv, span, kept_step), slack);
+  block.last_round = retained(compute(Opcode::kFloor, rounds, number(0.0)));
+  for (const Value& value : {block.first, block.round, block.last_round})
+    builder_.describe(value, "the 'for'");
+}
+
+// A value that its owner releases.
+Value Lowering::borrowed(Value value) {
+  value.is_temporary = false;
+  return value;
+}
+
+// A scalar; releases the operands, of which some opcodes take the first alone.
+Value Lowering::compute_scalar(Opcode op, const Value& a, const Value& b) {
+  if (a.is_constant() && b.is_constant())
+    return Value::from_constant(program::evaluate_scalar(op, a.constant, b.constant, 0.0));
+  builder_.release(a);
+  builder_.release(b);
+  const Value result = builder_.allocate_scalar_temporary();
+  const bool is_unary = op == Opcode::kAbs || op == Opcode::kFloor;
+  builder_.emit(
+      op, builder_.operand(result),
+      is_unary ? std::vector{builder_.operand(a)} : std::vector{builder_.operand(a), builder_.operand(b)});
+  return result;
 }
 
 // For a step that is no constant.
 void Lowering::jump_unless_fraction(const Block& block, ProgramBuilder::Label label) {
-  Value fraction = block.fraction;
-  fraction.is_temporary = false;  // released when the loop ends
-  emit_conditional_jump({Opcode::kGt, fraction, Value::from_constant(0.0)}, false, label);
+  emit_conditional_jump({Opcode::kGt, borrowed(block.fraction), Value::from_constant(0.0)}, false, label);
 }
 
 // A copy of the value that the loop's body cannot change; the caller releases it.
@@ -203,19 +222,29 @@ Value Lowering::loop_invariant(const Value& value) {
 }
 
 void Lowering::emit_for_test(const Block& block) {
+  const auto unless = [&](Opcode comparison, const Value& a, const Value& b) {
+    emit_conditional_jump({comparison, a, b}, false, block.end_label);
+  };
+  const auto test_round = [&] { unless(Opcode::kLe, borrowed(block.round), borrowed(block.last_round)); };
+  const bool counts_rounds = block.round.kind != Value::Kind::kNone;
   if (block.step.is_constant()) {
-    Value limit = block.bound;
-    limit.is_temporary = false;  // released when the loop ends
-    const Opcode comparison = block.step.constant > 0.0 ? Opcode::kLe : Opcode::kGe;
-    return emit_conditional_jump({comparison, block.counter, limit}, false, block.end_label);
+    if (counts_rounds) return test_round();
+    return unless(block.step.constant > 0.0 ? Opcode::kLe : Opcode::kGe, block.counter,
+                  borrowed(block.bound));
   }
+  const ProgramBuilder::Label is_whole = builder_.new_label(), body = builder_.new_label();
+  jump_unless_fraction(block, is_whole);
+  test_round();
+  builder_.emit(Opcode::kJump, {}, {builder_.label_operand(body)});
+  builder_.bind_label(is_whole);
   // Continues while (bound - counter) * direction >= 0, for steps of either sign.
   const Value remaining = builder_.allocate_scalar_temporary();
   builder_.emit(Opcode::kSub, builder_.operand(remaining),
                 {builder_.operand(block.bound), builder_.operand(block.counter)});
   builder_.emit(Opcode::kMul, builder_.operand(remaining),
                 {builder_.operand(remaining), builder_.operand(block.direction)});
-  emit_conditional_jump({Opcode::kGe, remaining, Value::from_constant(0.0)}, false, block.end_label);
+  unless(Opcode::kGe, remaining, Value::from_constant(0.0));
+  builder_.bind_label(body);
 }
 
 void Lowering::open_repeat(const Expressions& arguments, Location location) {

@@ -71,7 +71,7 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     Symbol symbol{{}, binding.value.location, false, display_name(binding.name), false};
     scope.names.push_back(binding.name);
     try {
-      symbol.value = lower(binding.value);
+      symbol.value = evaluated(binding.value);
     } catch (const CompileError& error) {
       report(error);
     } catch (const AlreadyReported&) {
@@ -94,6 +94,17 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
   if (may_be_masked()) isolate_from_masks(scope, scan_macro_body(body), builder_.location());
   scope.body = builder_.begin_body();
   scopes_[expansion.id] = std::move(scope);
+}
+
+// An argument's value of its own, also where an expression is but a name: the body may write that.
+Value Lowering::evaluated(const Expression& argument) {
+  const Value value = lower(argument);
+  const bool is_place = argument.kind == ExpressionKind::kName || argument.kind == ExpressionKind::kElement;
+  if (is_place || value.is_temporary || value.is_constant()) return value;
+  const Value copy = value.is_register() ? builder_.allocate_temporary(builder_.shape(value))
+                                         : builder_.allocate_scalar_temporary();
+  builder_.emit(Opcode::kCopy, builder_.operand(copy), {builder_.operand(value)}, false);
+  return copy;
 }
 
 program::LocalName Lowering::local_name(const Symbol& symbol) {

@@ -151,10 +151,11 @@ TEST(Listing, Loops) {
   EXPECT_EQ(
       compiled("s = 2\nfor(i, 0, 8, s)\nnop\nendfor"),
       "copy s, 2\ncopy $0, s\ncheck.for 0, 8, $0\ncopy i, 0\nsign $1, $0\nfloor $2, $0\nsub $2, $0, $2\n"
-      "copy $3, 0\ncopy $4, 8\nunless.gt $2, 0, @11\nmac $4, $0, 0.001, $4\n"
-      "sub $5, $4, i\nmul $5, $5, $1\nunless.ge $5, 0, @21\nnop\n"
-      "add $3, $3, 1\nunless.gt $2, 0, @19\nmac i, $3, $0, 0\njump @11\n"
-      "add i, i, $0\njump @11\n");
+      "copy $3, 0\nabs $4, $0\ndiv $4, 8, $4\nmul $4, $4, 2.3841858e-07\nmin $4, $4, 0.25\n"
+      "div $5, 8, $0\nadd $4, $5, $4\nfloor $4, $4\n"
+      "unless.gt $2, 0, @18\nunless.le $3, $4, @28\njump @21\n"
+      "sub $5, 8, i\nmul $5, $5, $1\nunless.ge $5, 0, @28\nnop\n"
+      "add $3, $3, 1\nunless.gt $2, 0, @26\nmac i, $3, $0, 0\njump @15\nadd i, i, $0\njump @15\n");
   // The bound is taken once, and its temporary is not lost to the body.
   EXPECT_EQ(compiled("n = 4\nfor(i, 1, n + 1)\nx = (i + 1) * (i + 2)\nendfor"),
             "copy n, 4\nadd $0, n, 1\ncheck.for 1, $0, 1\ncopy i, 1\nunless.le i, $0, @10\nadd $1, i, 1\nadd "
