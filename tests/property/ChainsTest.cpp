@@ -255,6 +255,11 @@ INSTANTIATE_TEST_SUITE_P(Steps, Chains,
                                   std::to_string(bound.param.iterations);
                          });
 
+struct TautBound {
+  double rate, growth;
+};
+class TautChains : public testing::TestWithParam<TautBound> {};
+
 // A heap of links on the table comes to rest.
 TEST(ChainsAtRest, HeapsComeToRest) {
   for (const unsigned seed : {1U, 7U}) {
@@ -272,3 +277,62 @@ TEST(WhippingChain, LosesEnergy) {
   EXPECT_LT(chain.greatest_growth, 0.005);
   EXPECT_GT(chain.least_gap, 0.3);
 }
+
+// A chain that is stretched out between two points, or hangs through by little, and a ball that falls onto it
+// or lies on it: along the chain, nothing gives way. Energies of translation. TAUT_DRAWS draws more.
+TEST_P(TautChains, GainNoEnergyFromWhatTouchesThem) {
+  const char* const draws = std::getenv("TAUT_DRAWS");
+  for_random_fixtures(
+      3, draws ? std::atoi(draws) : 20, 1.0 / GetParam().rate, [](PhysicsFixture& fixture, auto draw) {
+        scene::SceneSpec& s = fixture.scene;
+        s.surface.rows = s.surface.columns = 24;
+        const int count = static_cast<int>(draw(2, 8));
+        const bool is_hinged = draw(0, 1) < 0.5;
+        const double length = draw(1, 2), sag = draw(0, 1) < 0.3 ? 0.0 : std::pow(10.0, draw(-4, -1.3)),
+                     mass = std::pow(10.0, draw(-1, 1));
+        const auto join = [&](scene::ObjectId a, std::optional<scene::ObjectId> b, const Vector3d& at) {
+          fixture.world().add_joint({.kind = is_hinged ? scene::JointKind::kHinge : scene::JointKind::kBall,
+                                     .a = a,
+                                     .b = b,
+                                     .anchor = at,
+                                     .axis = Vector3d::UnitY()});
+        };
+        Vector3d at(4, 11.5, 5);
+        std::optional<scene::ObjectId> last;
+        std::vector<scene::ObjectSpec> links;
+        std::vector<Vector3d> anchors{at};
+        for (int i = 1; i <= count; ++i) {
+          const double fall = 5 - sag * (1 - std::abs(2.0 * i / count - 1)) - at.z();
+          const Vector3d next = at + Vector3d(std::sqrt(length * length - fall * fall), 0, fall);
+          auto link = box({0.95 * length, 1.5, 0.2}, 0.5 * (at + next));
+          link.mass = 1.0;
+          link.orientation = smartsurf::scene::rotation_between(Vector3d::UnitX(), (next - at) / length);
+          links.push_back(link);
+          anchors.push_back(at = next);
+        }
+        auto ball = sphere(0.5, {4 + draw(0.2, 0.8) * (at.x() - 4), 11.5, 5.6 + std::pow(10.0, draw(-3, 0))});
+        ball.mass = mass;
+        std::vector<double> masses;
+        std::vector<scene::ObjectId> ids;
+        for (const scene::ObjectSpec& link : links) ids.push_back(fixture.add(link)), masses.push_back(1.0);
+        for (std::size_t i = 0; i < ids.size(); ++i) {
+          join(ids[i], last, anchors[i]);
+          last = ids[i];
+        }
+        join(*last, std::nullopt, anchors.back());
+        ids.push_back(fixture.add(ball)), masses.push_back(mass);
+        const auto energy = [&] {
+          double sum = 0.0;
+          for (std::size_t i = 0; i < ids.size(); ++i)
+            sum += masses[i] * (0.5 * fixture.velocity(ids[i]).cast<double>().squaredNorm() +
+                                kGravity * static_cast<double>(fixture.position(ids[i]).z()));
+          return sum;
+        };
+        const double start = energy(), weight = kGravity * (mass + count);
+        double most = start;
+        fixture.run(1.5, [&] { most = std::max(most, energy()); });
+        EXPECT_LT((most - start) / weight, GetParam().growth)
+            << count << " links of " << length << " u, sag " << sag << ", mass " << mass;
+      });
+}
+INSTANTIATE_TEST_SUITE_P(Steps, TautChains, testing::Values(TautBound{60, 0.1}, TautBound{240, 0.02}));

@@ -3,6 +3,8 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <random>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/scene/Axes.h"
@@ -166,4 +168,61 @@ TEST_P(Rotation, TopKeepsItsTiltAndPrecesses) {
   EXPECT_GT(least, 19.0);
   EXPECT_LT(greatest, 21.0);
   EXPECT_NEAR(angle / 10.0, precession, 0.03 * precession);
+}
+
+// However fast it turns in a step.
+TEST_P(Rotation, FastFreeBodyKeepsItsEnergyAndMomentum) {
+  std::mt19937_64 random(5);
+  const auto draw = [&random](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int i = 0; i < 12; ++i) {
+    SCOPED_TRACE(i);
+    PhysicsFixture fixture;
+    fixture.scene.world.gravity = Vector3d::Zero();
+    fixture.scene.world.dt_s = GetParam();
+    const Vector3d size(draw(0.5, 3), draw(0.5, 3), draw(0.5, 3));
+    auto object = box(size, {15, 15, 500});
+    object.mass = 1.0;
+    object.angular_velocity = draw(0.1, 20) / GetParam() * Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+    const auto id = fixture.add(object);
+    const Vector3d squares = size.cwiseProduct(size),
+                   moments = (Vector3d::Constant(squares.sum()) - squares) / 12;
+    const auto energy_and_momentum = [&] {
+      const auto& q = fixture.snapshot().orientation[id];
+      const Eigen::Quaterniond turn(q[3], q[0], q[1], q[2]);
+      const Vector3d spin = turn.conjugate() * fixture.angular_velocity(id).cast<double>();
+      return std::pair(0.5 * spin.dot(moments.cwiseProduct(spin)),
+                       Vector3d(turn * moments.cwiseProduct(spin)));
+    };
+    const auto [energy, momentum] = energy_and_momentum();
+    fixture.run(120 * GetParam(), [&, energy = energy, momentum = momentum] {
+      const auto [now, turned] = energy_and_momentum();
+      EXPECT_NEAR(now, energy, 0.02 * energy);
+      EXPECT_LT((turned - momentum).norm(), 1e-4 * momentum.norm());
+    });
+  }
+}
+
+// A body that turns above the cells, where no point of it comes near them.
+TEST_P(Rotation, SpinningBodyIsNotPushedByWhatItDoesNotReach) {
+  std::mt19937_64 random(9);
+  const auto draw = [&random](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int i = 0; i < 24; ++i) {
+    SCOPED_TRACE(i);
+    PhysicsFixture fixture;
+    fixture.scene.world.gravity = Vector3d::Zero();
+    fixture.scene.world.dt_s = GetParam();
+    auto object = i % 2 == 0 ? box({draw(0.5, 4), draw(0.5, 4), draw(0.5, 4)}, {15, 15, 0})
+                             : cylinder(draw(0.3, 2), draw(0.5, 4), {15, 15, 0});
+    const double reach =
+        i % 2 == 0 ? 0.5 * object.size.norm() : std::hypot(object.radius, 0.5 * object.height);
+    object.position.z() = reach + draw(0.05, 1.0);
+    object.angular_velocity = draw(0.05, 4) / GetParam() * Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+    const auto id = fixture.add(object);
+    fixture.run(0.5);
+    EXPECT_EQ(fixture.velocity(id), Eigen::Vector3f(0, 0, 0));
+  }
 }

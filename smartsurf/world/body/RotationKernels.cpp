@@ -103,12 +103,32 @@ struct PrincipalTensor {
 // uniformly, about the momentum or about one of its own axes, and the first commutes with the others; these
 // are composed as half, whole, half (R. McLachlan, Explicit Lie–Poisson integration, 1993; J. Touma, J.
 // Wisdom, 1994). Exact for bodies with two equal moments and for rotation about one axis; otherwise of second
-// order, without drift of the energy. Returns the new orientation, not quite unit.
+// order, without drift of the energy. Fast turns are made in parts. Returns the new orientation, not quite
+// unit.
+constexpr double kMaxPartTurn = 1.0;  // of the second and third part of the energy, rad
+constexpr double kMaxParts = 256.0;
 HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
-  const V half_time = time * set(0.5);
-  rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
-  rotate_about(v, time * inverse.greatest * dot(v, momentum), q, u);
-  rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
+  const auto choose = [](auto mask, const V3& yes, const V3& no) HWY_ATTR {
+    return V3{hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y),
+              hn::IfThenElse(mask, yes.z, no.z)};
+  };
+  // The composition of turns of about π each resonates.
+  const V spin =
+      hn::Sqrt(dot(momentum, momentum)) * hn::Max(hn::Abs(inverse.least), hn::Abs(inverse.greatest));
+  const V parts = hn::Min(hn::Max(hn::Ceil(spin * time / set(kMaxPartTurn)), set(1.0)), set(kMaxParts));
+  const V part_time = time / parts, half_time = part_time * set(0.5);
+  for (V part = zero();; part = part + set(1.0)) {
+    const auto turns = hn::Lt(part, parts);
+    if (hn::AllFalse(LanesTag<double>(), turns)) break;
+    Q4 next = q;
+    V3 next_u = u, next_v = v;
+    rotate_about(next_u, half_time * inverse.least * dot(next_u, momentum), next, next_v);
+    rotate_about(next_v, part_time * inverse.greatest * dot(next_v, momentum), next, next_u);
+    rotate_about(next_u, half_time * inverse.least * dot(next_u, momentum), next, next_v);
+    q = {hn::IfThenElse(turns, next.x, q.x), hn::IfThenElse(turns, next.y, q.y),
+         hn::IfThenElse(turns, next.z, q.z), hn::IfThenElse(turns, next.w, q.w)};
+    u = choose(turns, next_u, u), v = choose(turns, next_v, v);
+  }
   return rotation_by_vector(momentum * (time * inverse.middle)) * q;
 }
 

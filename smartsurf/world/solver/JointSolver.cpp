@@ -424,6 +424,9 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
       s.h_s = 2.0 * s.h_s < s.time_left_s ? 2.0 * s.h_s : s.time_left_s;
     }
   }
+  for (int t = trees.begin; t < trees.end; ++t)
+    for (const std::int32_t k : joints_of(equations_.trees()[t]))
+      if (blocks_[k].is_active) blocks_[k].speeds_to_keep = speeds(blocks_[k]);
   store_velocities(rows, trees);
 }
 
@@ -562,7 +565,7 @@ void JointSolver::select_touched(std::span<const char> touched_rows) {
 bool JointSolver::solve_again(const Rows& rows, double tolerance) {
   load_velocities(rows, all_trees());
   for (TreeState& s : tree_states_) s.select(s.is_touched);
-  const bool any = solve_trees(Stage::kSolve, all_trees(), tolerance);
+  const bool any = solve_trees(Stage::kSolveAgain, all_trees(), tolerance);
   if (any) note_springs(all_trees()), store_velocities(rows, all_trees());
   return any;
 }
@@ -592,7 +595,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
       if (s.has_changed) s.is_factored = false;
     }
     if (!any_open) break;
-    if (stage == Stage::kSolve) predict(trees);
+    if (stage != Stage::kRelax) predict(trees);
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       if (!s.is_open()) continue;
@@ -631,7 +634,9 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     const RowVector now = speeds(block);
     if (has_changed_segments)
       out.head(n) = (block.solved_speeds - now).head(n);
-    else if (stage == Stage::kSolve)
+    else if (stage == Stage::kSolveAgain && tree.has_loop)  // see Stage
+      out.head(n) = (block.speeds_to_keep - now).head(n);
+    else if (stage != Stage::kRelax)
       out.head(n) = (block.target_error - rigid_error(j, block.held_frame_a, block.held_anchor_b,
                                                       bodies_[block.a].next, bodies_[block.b].next))
                         .head(n) /
