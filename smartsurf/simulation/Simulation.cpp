@@ -241,6 +241,7 @@ scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
 }
 
 scene::JointId Simulation::add_joint(const scene::JointSpec& spec) {
+  world::require_joint(scene().world.engine, spec);
   joints_.push_back(spec);
   return engine_->add_joint(spec);
 }
