@@ -36,14 +36,14 @@ class Engines(ProgramTest):
             (self.folder / "h.lua").write_text(
                 "world { engine = option('engine', 'bullet') }\nsurface { rows = 4, columns = 4 }\n"
                 "local b = box { size = {1, 1, 1}, position = {1, 1, 3} }\n"
-                f"joint {{ kind = 'hinge', a = b, anchor = {{1, 1, 3}}, limits = {{{first}}} }}\n{second}")
+                f"joint {{ kind = 'hinge', a = b, anchor = {{1, 1, 3}}, axis = {{0, 0, 1}}, limits = {{{first}}} }}\n{second}")
             return lambda *words: self.run_program(SMARTSURF, "run", "h.lua", "--no-controller", "--ticks", "20", *words)
         run = script("-4, 1")
         status, _, err = run()
         self.assertEqual((status, err.count("\n")), (2, 1), err)
         self.assertIn("joint 0: limits = {-4, 1}: a hinge's must be within half a turn, [-pi, pi], on the engine 'bullet'", err)
         self.assertEqual(run("--set", "engine=native")[0], 0)
-        later = "at(0.1, function() joint { kind = 'hinge', a = b, anchor = {1, 1, 3}, limits = {-1, 4} } end)"
+        later = "at(0.1, function() joint { kind = 'hinge', a = b, anchor = {1, 1, 3}, axis = {0, 0, 1}, limits = {-1, 4} } end)"
         status, _, err = script("-3, 3.1", later)()
         self.assertEqual(status, 2)
         self.assertIn("h.lua:5: limits = {-1, 4}: a hinge's", err)
