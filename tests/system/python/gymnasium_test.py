@@ -1015,6 +1015,76 @@ at(0.5, function() stop('reached', true) end)""")
         with self.assertRaisesRegex(ValueError, "record_every = 0"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
 
+    def test_a_forked_child_does_not_record(self):
+        path = self.script(ENDINGS)
+        for name, make, resets in (("env", lambda folder: smartsurf.Env(path, record=folder), True),
+                                   ("envs", lambda folder: smartsurf.VectorEnv(path, 2, 2, record=folder), False)):
+            for started in (False, True):
+                for end in (os._exit, sys.exit):
+                    with self.subTest(name=name, started=started, end=end.__name__):
+                        folder = self.folder / f"{name}-{started}-{end.__name__}"
+                        env = make(folder)
+
+                        def go(seed, steps):
+                            random = np.random.default_rng(seed)
+                            for _ in range(steps):
+                                action = random.uniform(0, 2, env.action_space.shape).astype(np.float32)
+                                *_, terminated, truncated, _ = env.step(action)
+                                if resets and (terminated or truncated):
+                                    env.reset()
+                        if started:
+                            env.reset(seed=1)
+                            go(1, 5)
+                        pid = os.fork()
+                        if pid == 0:
+                            status = 1
+                            try:
+                                if not started:
+                                    env.reset(seed=2)
+                                go(2, 100)
+                                env.reset(seed=3)
+                                env.close()
+                                status = 0
+                                if end is sys.exit:
+                                    gc.collect()
+                            finally:
+                                os._exit(status)
+                        self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), 0)
+                        self.assertEqual(folder.exists(), started)
+                        if not started:
+                            env.reset(seed=1)
+                        go(1, 60)
+                        env.close()
+                        files = sorted(folder.iterdir())
+                        self.assertGreaterEqual(len(files), 2)
+                        for file in files:
+                            self.assertEqual(file.suffix, ".h5")
+                            verified = self.verify(file)
+                            self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
+
+    def test_a_folder_with_episodes_and_a_file_are_refused(self):
+        path = self.script(CROWD)
+        (self.folder / "file").write_text("")
+        for make, name in ((lambda folder: smartsurf.Env(path, record=folder), "episode-000001.h5"),
+                           (lambda folder: smartsurf.VectorEnv(path, 2, record=folder), "world-0000-episode-000001.h5")):
+            folder = self.folder / name
+            folder.mkdir()
+            (folder / "notes.txt").write_text("")
+            env = make(folder)
+            env.reset(seed=1)
+            env.step(sampled(env.action_space, 1))
+            env.close()
+            self.assertTrue((folder / name).exists())
+            with self.assertRaisesRegex(ValueError, f"^record = '{folder}': has {name} of an earlier recording: give another folder$"):
+                make(folder)
+            with self.assertRaisesRegex(ValueError, f"^record = '{self.folder}/file': is a file: must be a folder"):
+                make(self.folder / "file")
+            with self.assertRaisesRegex(ValueError, "^embedded null character$"):
+                make(f"{self.folder}/new\0er")
+        for file in (f"{path}\0", f"{path}\0.lua"):
+            with self.assertRaisesRegex(ValueError, "^embedded null character$"):
+                smartsurf.VectorEnv(file, 2)
+
     def test_a_copy_does_not_record_and_says_so(self):
         path = self.script(CROWD)
         for number, make in enumerate((lambda folder: smartsurf.Env(path, record=folder),
