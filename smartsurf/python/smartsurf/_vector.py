@@ -117,8 +117,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._records, self._process = record is not None, os.getpid()
         self._recording: tuple[Any, ...] | None = None  # what the first reset() starts
         if record is not None:
-            worlds, every = _parameters.world_numbers(record_worlds, num_envs), whole("record_every", record_every, 1)
-            self._recording = (folder_of_episodes(record, "world-[0-9]*-episode-[0-9]*.h5"), shlex.join(sys.argv), worlds, every,
+            worlds, interval = _parameters.world_numbers(record_worlds, num_envs), whole("record_every", record_every, 1)
+            self._recording = (folder_of_episodes(record, "world-[0-9]*-episode-[0-9]*.h5"), shlex.join(sys.argv), worlds, interval,
                                [overrides(options) for options in of_worlds])
         self._batch = _core.Batch(path_text(experiment), engine_name(engine), [],
                                   self._seeds(seed, lambda world: draw_seed(self.np_random)), threads,
