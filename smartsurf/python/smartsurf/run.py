@@ -64,6 +64,8 @@ def _plain(value: Any) -> Any:
         return [_plain(member) for member in value]
     if hasattr(value, "tolist"):
         return _plain(value.tolist())
+    if isinstance(value, float) and math.isinf(value):
+        raise ValueError(f"chart: has the value {value}: must be finite, or NaN for a gap")
     return None if isinstance(value, float) and math.isnan(value) else value
 
 

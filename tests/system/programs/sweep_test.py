@@ -586,6 +586,8 @@ exec {APRON} run {idle} --shm "$2"
         with self.assertRaisesRegex(RunError, r"^smartsurf: .*layers\[0\]\.mark = 'pie': must be line, point, bar or rect$") as caught:
             plot({"layers": [{"mark": "pie", "x": [0], "y": [0]}]}, file, SMARTSURF)
         self.assertEqual(caught.exception.status, 2)
+        with self.assertRaisesRegex(ValueError, "^chart: has the value inf: must be finite, or NaN for a gap$"):
+            plot({"layers": [{"mark": "line", "x": [0], "y": [float("inf")]}]}, file, SMARTSURF)
         try:
             import numpy as np
         except ImportError:
