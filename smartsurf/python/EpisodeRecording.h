@@ -14,6 +14,7 @@
 
 #include "common/error/UserError.h"
 #include "smartsurf/record/OpenRecorder.h"
+#include "smartsurf/record/Ownership.h"
 #include "smartsurf/simulation/Environment.h"
 #include "smartsurf/simulation/EnvironmentBatch.h"
 
@@ -80,7 +81,7 @@ class EpisodeRecording {
 };
 
 // Records episodes of some worlds of a batch, one file for each. Worlds run on several threads, HDF5 on one
-// at a time.
+// at a time. Records nothing in a child of fork().
 class BatchRecorder final : public simulation::EpisodeObserver {
  public:
   // worlds: which; every: the episodes 1, 1 + every, … of each. overrides: the options of each world.
@@ -95,7 +96,7 @@ class BatchRecorder final : public simulation::EpisodeObserver {
   }
 
   void on_start(int world, const Environment& environment) override {
-    if (!worlds_[world]) return;
+    if (!records(world)) return;
     World& own = *worlds_[world];
     if (own.episodes++ % every_ != 0) return;
     const std::scoped_lock lock(mutex_);
@@ -117,13 +118,15 @@ class BatchRecorder final : public simulation::EpisodeObserver {
     std::uint64_t episodes = 0;  // that have started
     EpisodeRecording recording;
   };
+  bool records(int world) const { return worlds_[world] && !owner_.is_child(); }
   template <class Work>
   void with(int world, const Work& work) {
-    if (!worlds_[world]) return;
+    if (!records(world)) return;
     const std::scoped_lock lock(mutex_);
     work(worlds_[world]->recording);
   }
 
+  record::Owner owner_;
   std::string folder_, command_line_;
   std::uint64_t every_;
   std::vector<EnvironmentBatch::Overrides> overrides_;

@@ -28,17 +28,23 @@ CsvRecorder::CsvRecorder(const std::filesystem::path& path, std::unique_ptr<Pend
                  O_WRONLY | O_CREAT | O_CLOEXEC | (pending_->must_be_new() ? O_EXCL : O_TRUNC), 0666)),
       last_flush_(std::chrono::steady_clock::now()) {
   if (fd_ < 0) throw scene::InputError(name_ + ": cannot be written: " + std::strerror(errno));
+  owned_fd_.emplace(fd_);
   ::flock(fd_, LOCK_EX | LOCK_NB);
   lines_.reserve(2 * kBufferBytes);
   lines_ = "tick,time,id,label,x,y,z,qx,qy,qz,qw\n";
   flush_lines();
 }
 
+int CsvRecorder::close_file() noexcept {
+  owned_fd_.reset();
+  return ::close(std::exchange(fd_, -1));
+}
+
 void CsvRecorder::require_unchanged() {
   try {
     pending_->require_unchanged();
   } catch (const std::runtime_error&) {
-    ::close(std::exchange(fd_, -1));
+    close_file();
     throw;
   }
 }
@@ -48,7 +54,7 @@ void CsvRecorder::commit(Action action) {
   try {
     action(*pending_);
   } catch (const std::system_error& error) {
-    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+    if (fd_ >= 0) close_file();
     throw std::runtime_error(name_ + ": cannot be written: " + error.code().message());
   }
 }
@@ -58,14 +64,14 @@ CsvRecorder::~CsvRecorder() {
     close({});
   } catch (const std::exception&) {  // a destructor cannot report errors
   }
+  if (fd_ >= 0) close_file();  // of a child
 }
 
 void CsvRecorder::close(const RunResult&) {
-  if (fd_ < 0) return;
+  if (!is_writing()) return;
   flush_lines();
   require_unchanged();
-  const int fd = std::exchange(fd_, -1);
-  if (::close(fd) != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
+  if (close_file() != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
   commit([](PendingFile& pending) { pending.commit_if_new(); });
 }
 
@@ -73,7 +79,7 @@ void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
                               const std::vector<scene::ObjectSpec>& catalogue,
                               std::span<const scene::ChannelData>, std::span<const scene::ChannelData>,
                               std::span<const NamedNumber>) {
-  if (fd_ < 0) return;
+  if (!is_writing()) return;
   has_frames_ = true;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     common::append_csv_number(lines_, snapshot.tick);
@@ -98,7 +104,7 @@ void CsvRecorder::flush_lines() {
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) {
       const std::string reason = std::strerror(errno);
-      ::close(std::exchange(fd_, -1));
+      close_file();
       throw std::runtime_error(name_ + ": cannot be written: " + reason);
     }
     written += n;

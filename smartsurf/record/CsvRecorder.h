@@ -4,7 +4,9 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 
+#include "smartsurf/record/Ownership.h"
 #include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/Recorder.h"
 
@@ -23,13 +25,17 @@ class CsvRecorder final : public Recorder {
                    std::span<const NamedNumber> metrics) override;
   void flush_lines();
   void require_unchanged();
+  int close_file() noexcept;
+  bool is_writing() const noexcept { return fd_ >= 0 && !owner_.is_child(); }
   template <class Action>
   void commit(Action action);
 
   std::string name_;
   std::unique_ptr<PendingFile> pending_;
   bool has_frames_ = false;
-  int fd_ = -1;        // -1 once closed, or after a failed write
+  Owner owner_;
+  int fd_ = -1;  // -1 once closed, or after a failed write
+  std::optional<OwnedDescriptor> owned_fd_;
   std::string lines_;  // buffered output; always whole lines
   std::chrono::steady_clock::time_point last_flush_;
 };

@@ -30,7 +30,7 @@ PendingFile::PendingFile(const fs::path& name) : final_(link_target(name)), path
 }
 
 PendingFile::~PendingFile() {
-  if (owned_ && !committed_) common::discard_part(path_);
+  if (owned_ && !committed_ && !owner_.is_child()) common::discard_part(path_);
 }
 
 void PendingFile::own() {

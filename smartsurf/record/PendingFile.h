@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "common/files/UnfinishedFile.h"
+#include "smartsurf/record/Ownership.h"
 
 namespace smartsurf::record {
 
@@ -15,7 +16,7 @@ class PendingFile {
  public:
   // A pipe or a device is written in place; of a symbolic link, the target is replaced.
   explicit PendingFile(const std::filesystem::path& name);
-  ~PendingFile();  // removes an owned file that was never renamed
+  ~PendingFile();  // removes an owned file that was never renamed, unless in a child of fork()
   PendingFile(const PendingFile&) = delete;
   PendingFile& operator=(const PendingFile&) = delete;
 
@@ -38,6 +39,7 @@ class PendingFile {
   void commit_if_new();
 
  private:
+  Owner owner_;
   std::filesystem::path final_, path_;
   bool owned_ = false, committed_ = false, must_be_new_ = false;
   // The file's, from the first note_length().

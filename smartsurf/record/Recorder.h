@@ -5,8 +5,10 @@
 // Buffering: frames are written about 64 at a time or once a second, so most ticks only copy memory. A killed
 // process leaves a readable file that ends with the last write.
 // Allocation: record_frame() allocates in its first call and when objects or metrics are added.
-// Threads: a recorder is used by one thread at a time. Recorders serialise their calls into HDF5, which
-// Debian builds without locks; nothing else in the process may call HDF5 concurrently.
+// Processes: a recorder belongs to the process that opened it. In a child of fork() it does nothing, whatever
+// is called, and the file stays the parent's. Threads: a recorder is used by one thread at a time. Recorders
+// serialise their calls into HDF5, which Debian builds without locks; nothing else in the process may call
+// HDF5 concurrently.
 #pragma once
 
 #include <chrono>

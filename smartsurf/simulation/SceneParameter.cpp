@@ -206,15 +206,30 @@ bool takes_value(const std::string& fault) {
   return fault != "dead" && fault != "stuck_low" && fault != "stuck_high";
 }
 
+bool is_of_actuator(const SceneSpec& s, const std::string& channel) {
+  const auto actuators = s.surface.actuator_channels();
+  return std::ranges::find(actuators, channel, &scene::ActuatorChannel::name) != actuators.end();
+}
+
+// Whether a fault without a value is one of the cell.
+bool is_set(const SceneSpec& s, const std::string& channel, const std::string& fault, int row, int column,
+            double number) {
+  if (number == 0.0 || number == 1.0) return number == 1.0;
+  refuse("faults." + channel + "." + fault + " = " + scene::format_number(number) + " of cell (" +
+         std::to_string(row) + ", " + std::to_string(column) + "): must be 0 or 1; faults." +
+         (is_of_actuator(s, channel) ? "actuator." : "sensor.") + fault + " is a fraction of the cells");
+}
+
 void set_cell_faults(SceneSpec& s, const std::string& channel, const std::string& fault,
                      std::span<const double> from) {
   std::vector<scene::CellFault>& cells = s.surface.faults.cells;
   std::erase_if(cells, [&](const scene::CellFault& c) { return c.channel == channel && c.fault == fault; });
   for (std::size_t i = 0; i < from.size(); ++i) {
     const int row = static_cast<int>(i) / s.surface.columns, column = static_cast<int>(i) % s.surface.columns;
-    if (takes_value(fault) && !std::isnan(from[i]))
+    if (std::isnan(from[i])) continue;
+    if (takes_value(fault))
       cells.push_back({row, column, channel, fault, from[i]});
-    else if (!takes_value(fault) && !std::isnan(from[i]) && from[i] != 0.0)
+    else if (is_set(s, channel, fault, row, column, from[i]))
       cells.push_back({row, column, channel, fault, std::nullopt});
   }
   // Not the order of the calls: a later entry of a cell overrides an earlier one.
@@ -232,9 +247,7 @@ constexpr std::array<FaultField, 4> kActuatorFaultFields{
      {"weak_gain", &scene::ActuatorFaultSpec::weak_gain}}};
 
 std::vector<std::string> faults_of_channel(const SceneSpec& s, const std::string& channel) {
-  const auto actuators = s.surface.actuator_channels();
-  if (std::ranges::find(actuators, channel, &scene::ActuatorChannel::name) != actuators.end())
-    return surface::kActuatorFaults;
+  if (is_of_actuator(s, channel)) return surface::kActuatorFaults;
   if (std::ranges::count(s.surface.sensor_channels(), channel) > 0) return surface::kSensorFaults;
   return {};
 }

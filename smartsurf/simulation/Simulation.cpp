@@ -25,13 +25,20 @@ surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
   for (const auto& channel : surface.actuator_channels()) channels.push_back(channel.name);
   map.require_channels(channels);
   // An entry without a channel applies to all channels of its cell. Actuators and sensors each ignore the
-  // faults of the other, so a fault that neither knows must be rejected here.
+  // faults of the other, so a fault that no channel of the surface has must be rejected here.
+  const bool has_sensors = !surface.sensor_channels().empty();
   std::vector<std::string> known = surface::kActuatorFaults;
-  for (const std::string& fault : surface::kSensorFaults)
-    if (std::ranges::find(known, fault) == known.end()) known.push_back(fault);
-  for (const surface::FaultEntry& entry : map.entries())
-    if (entry.channel.empty() && std::ranges::find(known, entry.fault) == known.end())
-      map.refuse_fault(entry, "an actuator or a sensor", known);
+  if (has_sensors)
+    for (const std::string& fault : surface::kSensorFaults)
+      if (std::ranges::find(known, fault) == known.end()) known.push_back(fault);
+  for (const surface::FaultEntry& entry : map.entries()) {
+    if (!entry.channel.empty()) continue;
+    if (std::ranges::find(known, entry.fault) == known.end())
+      map.refuse_fault(entry, has_sensors ? "an actuator or a sensor" : "an actuator", known);
+    if (!has_sensors && surface::needs_actuator_channel(entry.fault))
+      map.refuse(entry, "channel is empty: fault '" + entry.fault +
+                            "' of an actuator must name one of its channels");
+  }
   return map;
 }
 

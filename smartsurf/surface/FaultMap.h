@@ -23,6 +23,9 @@ inline const std::vector<std::string> kActuatorFaults{"stuck", "dead", "weak", "
 inline const std::vector<std::string> kSensorFaults{"dead",       "stuck", "stuck_low",
                                                     "stuck_high", "gain",  "offset"};
 
+// An actuator has this fault only by an entry that names its channel; without one it is that of sensors.
+inline bool needs_actuator_channel(std::string_view fault) { return fault == "gain" || fault == "offset"; }
+
 struct FaultEntry {
   int row = 0, column = 0;
   std::string channel;  // "": every channel

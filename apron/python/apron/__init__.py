@@ -48,7 +48,15 @@ def _shape(shape: Any) -> tuple[int, int]:
 def _names(argument: str, names: Any) -> list[str]:
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise ValueError(f"{argument} = {names!r}: must be a list of strings")
-    return [os.fspath(name) for name in names]
+    return [_path(name) for name in names]
+
+
+def _path(path: str | os.PathLike[str]) -> str:
+    """The path for the compiled part, which takes NUL for its end: ValueError, as of open()."""
+    text = os.fspath(path)
+    if "\0" in os.fsdecode(text):
+        raise ValueError("embedded null character")
+    return text
 
 
 def _dialect(original: Any) -> str:
@@ -62,7 +70,7 @@ def _dialect(original: Any) -> str:
 def _source(source: Any) -> tuple[str, str | None]:
     """File and text of a program; the text is None for a file."""
     if isinstance(source, os.PathLike) or isinstance(source, str) and "\n" not in source and source.endswith(".aps"):
-        return os.fspath(source), None
+        return _path(source), None
     if not isinstance(source, str):
         raise TypeError(f"source is a {type(source).__name__}: must be a program's text, or the path of an .aps file")
     return "<text>", source
@@ -115,4 +123,4 @@ def _controllers(program: str | os.PathLike[str], parameters: Mapping[str, float
         if isinstance(value, str) or not np.isfinite(value):
             raise ValueError(f"{name} = {value!r}: the value of a slider or switch must be a finite number")
         values.append((str(name), float(value)))
-    return _core.make_controllers(os.fspath(program), _LIBRARY, _names("include", include), values)
+    return _core.make_controllers(_path(program), _LIBRARY, _names("include", include), values)

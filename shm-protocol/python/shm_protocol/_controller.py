@@ -62,6 +62,8 @@ class Controller(Endpoint):
     tick = property(lambda self: self.frame.tick)
     time = property(lambda self: self.frame.time, doc="Simulated seconds of the frame taken last.")
     surface_state = property(lambda self: self._state("surface"))
+    surface_status = property(lambda self: Result(self._call("surface_status")),
+                              doc="Checks the surface now: Result.OK, SURFACE_CLOSED or SURFACE_DEAD.")
 
     def set_state(self, state):
         check(self._call("set_state", STATES[state]))

@@ -108,7 +108,7 @@ def _declare(lib):
     say("surface_write controller_write", result, handle, c.c_int, size, array, size)
     say("surface_next controller_next", array, handle, c.c_int, timeout, stop, pointer(size))
     say("surface_publish", result, handle, c.c_uint64, c.c_double, number)
-    say("controller_publish surface_latest controller_latest surface_miss_deadline", result, handle)
+    say("controller_publish surface_latest controller_latest controller_surface_status surface_miss_deadline", result, handle)
     say("observer_latest surface_set_state controller_set_state", result, handle, number)
     say("surface_await", result, handle, c.c_uint64, timeout, stop)
     say("controller_await surface_await_controller", result, handle, timeout, stop)

@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._files import folder_of_episodes
 from ._surface import Channel, Closed, FloatArray, checked_options, draw_seed, finite, real_array
 from ._tasks import task_file
 
@@ -40,8 +41,8 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
         controller. It goes on at a reset and takes no seed. timeout: seconds to wait for it and for its frames.
     reward, done: functions of (observation, action) and of (observation): the reward instead of the script's, and
         another end of the episode. gymnasium.wrappers.TimeLimit gives an episode a length.
-    record: a folder, in which each episode is recorded as episode-000001.h5, … (docs/recordings.md). A copy does not record,
-        and a warning says so.
+    record: a folder, in which each episode is recorded as episode-000001.h5, … (docs/recordings.md). A folder
+        with such files is refused. A copy does not record, and a warning says so; nor does a child of fork().
     strict: refuse actions with NaN or infinite values. Otherwise NaN becomes the channel's safe value, infinite values are
         clamped, and `info["nonfinite_actions"]` counts both.
 
@@ -67,6 +68,7 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
             raise ValueError("record: the process of a live surface records it: smartsurf run --record FILE")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None, 'rgb_array' or 'human'")
+        self._record = None if record is None else pathlib.Path(folder_of_episodes(record, "episode-[0-9]*.h5"))
         if experiment is not None:
             from ._simulation import Simulation
             self.simulation = Simulation(experiment, set=set, threads=threads, engine=engine, extensions=extensions,
@@ -78,7 +80,7 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
             assert shm is not None
             self.simulation = LiveSurface(shm, timeout)  # type: ignore[assignment]
         self._live, self._reward, self._done, self._strict = shm is not None, reward, done, strict
-        self._record, self._episodes = None if record is None else pathlib.Path(record), 0
+        self._episodes, self._process = 0, os.getpid()
         self._arguments: Info = dict(render_mode=render_mode, render_size=render_size, camera=camera, reward=reward, done=done,
                                      strict=strict)
         s = self.simulation
@@ -95,7 +97,7 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
             self.simulation.reset(seed)
         else:
             self.simulation.reset(draw_seed(self.np_random) if seed is None else seed)
-            if self._record is not None:
+            if self._record is not None and os.getpid() == self._process:
                 self._episodes += 1
                 self._record.mkdir(parents=True, exist_ok=True)
                 self.simulation.record(self._record / f"episode-{self._episodes:06d}.h5")

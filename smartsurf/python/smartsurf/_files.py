@@ -10,6 +10,25 @@ from typing import Union
 PathName = Union[str, "os.PathLike[str]"]
 
 
+def path_text(path: PathName) -> str:
+    """The path for the compiled part, which takes NUL for its end: ValueError, as of open()."""
+    text = os.fspath(path)
+    if "\0" in os.fsdecode(text):
+        raise ValueError("embedded null character")
+    return text
+
+
+def folder_of_episodes(folder: PathName, pattern: str) -> str:
+    """The path of a folder for new files that match the pattern, which has none of them or does not exist, or ValueError."""
+    text = path_text(folder)
+    path = pathlib.Path(text)
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"record = {text!r}: is a file: must be a folder, in which each episode is a file")
+    for old in sorted(path.glob(pattern))[:1]:
+        raise ValueError(f"record = {text!r}: has {old.name} of an earlier recording: give another folder")
+    return text
+
+
 @contextlib.contextmanager
 def replaced(path: PathName) -> Iterator[pathlib.Path]:
     """A path beside `path`, whose file takes its place at the end, when it is on the disk: no reader sees a part of it, and an

@@ -8,7 +8,7 @@ import numpy as np
 from ._surface import Actions, Channel, Surface, views
 
 try:
-    from shm_protocol import Controller
+    from shm_protocol import Controller, Result, SurfaceDied
 except ModuleNotFoundError as error:
     raise ImportError("a live surface needs the package shm_protocol: add shm-protocol/python to PYTHONPATH") from error
 
@@ -22,7 +22,7 @@ class LiveSurface(Surface):
     """
 
     def __init__(self, name: str, timeout: float = 30.0):
-        self._controller, self._timeout, self.closed = Controller(name, timeout), timeout, False
+        self._controller, self._timeout, self.closed, self._left = Controller(name, timeout), timeout, False, False
         d = self._controller.description
         self.name = name
         self.pitch: float = d.pitch
@@ -60,7 +60,9 @@ class LiveSurface(Surface):
         """Answers the latest frame and waits for the next. Returns (0.0, whether the surface has closed, False); the
         last readings stay. actions: as of Simulation.step(); values beyond a channel's range are clamped.
 
-        Raises TimeoutError without a frame in time, shm_protocol.SurfaceDied if the surface was killed."""
+        Raises TimeoutError without a frame in time, shm_protocol.SurfaceDied if the surface was killed, RuntimeError once it
+        has closed."""
+        self._require_open("step")
         if actions is not None:
             self._take(actions)
         for channel in self.actuator_channels:
@@ -74,7 +76,11 @@ class LiveSurface(Surface):
         return 0.0, self.closed, False
 
     def _await_frame(self) -> None:
-        self.closed = not self._controller.wait(self._timeout)
+        try:
+            self.closed = not self._controller.wait(self._timeout)
+        except SurfaceDied:
+            self.closed = True
+            raise
         if not self.closed:
             for name, array in self._readings.items():
                 array[...] = self._controller.sensors[name]
@@ -82,15 +88,21 @@ class LiveSurface(Surface):
     def reset(self, seed: int | None = None) -> None:
         """Returns the targets to the channels' safe values, which the next step() sends. The surface goes on: it cannot be
         reset to a seed. Raises RuntimeError once it has closed."""
-        if self.closed:
-            raise RuntimeError(f"surface {self.name} has closed: no episode can follow; attach again where it runs")
+        self.closed = self.closed or not self._left and self._controller.surface_status == Result.SURFACE_DEAD
+        self._require_open("episode")
         if seed is not None:
             raise ValueError(f"surface {self.name} runs in another process: it cannot be reset to a seed")
         for channel in self.actuator_channels:
             self._actuators[channel.name][...] = channel.safe
 
+    def _require_open(self, what: str) -> None:
+        if self.closed or self._left:
+            raise RuntimeError(f"surface {self.name} {'has closed' if self.closed else 'is closed here'}: no {what} can follow; "
+                               "attach again where it runs")
+
     def close(self) -> None:
         """Releases the surface for another controller. Arrays stay readable."""
+        self._left = True
         self._controller.close()
 
     def __enter__(self) -> LiveSurface:

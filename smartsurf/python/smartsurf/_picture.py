@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._files import replaced
+from ._surface import real_array
 
 Pixels = NDArray[np.uint8]
 Point = tuple[float, float, float]
@@ -110,25 +111,45 @@ def html(data: bytes, width: int, kind: str = "png") -> str:
     return f'<img width="{width}" src="data:image/{kind};base64,{base64.b64encode(data).decode()}"/>'
 
 
+MAX_PERIOD_S = 65.535  # which an animated PNG has in ms, in 16 bits
+
+
+def _period(seconds: Any) -> float:
+    """The number, or ValueError."""
+    if isinstance(seconds, (int, float, np.integer, np.floating)) and not isinstance(seconds, bool) and 0 < seconds <= MAX_PERIOD_S:
+        return float(seconds)
+    raise ValueError(f"period = {seconds!r}: must be above 0 and at most {MAX_PERIOD_S}, in seconds")
+
+
+def _picture(frame: Any) -> Pixels:
+    """A copy of the picture, or ValueError."""
+    array = real_array("frame", frame)
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or 0 in array.shape:
+        raise ValueError(f"frame has shape {array.shape} and type {array.dtype}: must be height × width × 3, uint8")
+    return array.copy()
+
+
 class Video:
     """Pictures one after the other, such as those of render(): shown by a notebook, as WebP where Pillow is, and written as an
     animated PNG.
 
-    frames: height × width × 3, uint8. period: how long each is shown, s.
+    frames: height × width × 3, uint8. period: how long each is shown, s, at most 65.535.
     """
 
     def __init__(self, frames: Iterable[Pixels] = (), period: float = 1 / 30):
-        self.frames: list[Pixels] = [np.array(frame, np.uint8) for frame in frames]
-        self.period = period
+        self.frames: list[Pixels] = [_picture(frame) for frame in frames]
+        self.period = _period(period)
 
     def add(self, frame: Pixels) -> None:
         """Appends a copy of the picture."""
-        self.frames.append(np.array(frame, np.uint8))
+        self.frames.append(_picture(frame))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes an animated PNG, which browsers and notebooks play."""
         if not self.frames:
             raise ValueError("the video has no frames")
+        if not os.fsdecode(path).lower().endswith(".png"):
+            raise ValueError(f"path = {os.fsdecode(path)!r}: must end in .png: a video is written as an animated PNG")
         with replaced(path) as part:
             part.write_bytes(png(self.frames, self.period))
 

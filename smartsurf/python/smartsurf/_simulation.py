@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, _parameters
-from ._files import PathName
+from ._files import PathName, path_text
 from ._parameters import Numbers, Range
 from ._picture import CameraLike, core_camera, html, png
 from ._surface import Actions, Channel, Surface, checked_seed, draw_seed, whole
@@ -52,7 +52,7 @@ def overrides(options: Options | None) -> list[tuple[str, str]]:
 
 def load_extension(path: PathName) -> None:
     """Loads an extension, a shared object with actuators and sensors, for the rest of this process."""
-    _core.load_extension(os.fspath(path))
+    _core.load_extension(path_text(path))
 
 
 def load_extensions(paths: Iterable[PathName]) -> None:
@@ -90,7 +90,7 @@ class Simulation(Surface):
                  source: str | None = None):
         threads = thread_count(threads)
         load_extensions(extensions)
-        self._core = _core.Simulation(os.fspath(experiment), engine_name(engine), overrides(set),
+        self._core = _core.Simulation(path_text(experiment), engine_name(engine), overrides(set),
                                       None if seed is None else checked_seed(seed), threads, source)
         self._process, self._threads = os.getpid(), threads
         self._arguments: dict[str, Any] = dict(experiment=os.fspath(experiment), set=dict(set or {}), threads=threads,
@@ -224,7 +224,7 @@ class Simulation(Surface):
         `smartsurf replay` and all other tools read: HDF5 (.h5) or CSV (.csv). Call it before the first step. The file is
         complete after its end. `smartsurf replay --verify` repeats the episode unless parameters, teleport() or push() have
         changed it."""
-        self._core.record(os.fspath(path), shlex.join(sys.argv), overrides(self._arguments["set"]))
+        self._core.record(path_text(path), shlex.join(sys.argv), overrides(self._arguments["set"]))
 
     def stop_recording(self) -> None:
         """Completes the file of record()."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, _parameters
 from ._env import box
-from ._files import PathName
+from ._files import PathName, folder_of_episodes, path_text
 from ._parameters import Numbers, Range
 from ._picture import CameraLike, core_camera
 from ._simulation import Options, channels, engine_name, load_extensions, overrides, state_bytes, thread_count
@@ -82,7 +82,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
     the program's sliders and switches.
     record: a folder, in which episodes are recorded, world 3's first one as world-0003-episode-000001.h5 (docs/recordings.md).
-    A copy does not record, and a warning says so.
+    A folder with such files is refused. A copy does not record, and a warning says so; nor does a child of fork().
     record_worlds: which worlds, numbers or a mask [all]. record_every: the episodes 1, 1 + record_every, … of each [1].
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
@@ -114,15 +114,16 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             autoreset_mode=autoreset_mode, render_mode=render_mode, render_size=render_size, camera=camera,
             extensions=[os.fspath(path) for path in extensions], max_episode_steps=max_episode_steps, strict=strict,
             source=source, controller=controller, controller_set=controller_set)
-        self._batch = _core.Batch(os.fspath(experiment), engine_name(engine), [],
+        self._records, self._process = record is not None, os.getpid()
+        self._recording: tuple[Any, ...] | None = None  # what the first reset() starts
+        if record is not None:
+            worlds, interval = _parameters.world_numbers(record_worlds, num_envs), whole("record_every", record_every, 1)
+            self._recording = (folder_of_episodes(record, "world-[0-9]*-episode-[0-9]*.h5"), shlex.join(sys.argv), worlds, interval,
+                               [overrides(options) for options in of_worlds])
+        self._batch = _core.Batch(path_text(experiment), engine_name(engine), [],
                                   self._seeds(seed, lambda world: draw_seed(self.np_random)), threads,
                                   _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
-        self._records = record is not None
-        self._recording: tuple[Any, ...] | None = None  # what the first reset() starts
-        if record is not None:
-            self._recording = (os.fspath(record), shlex.join(sys.argv), _parameters.world_numbers(record_worlds, num_envs),
-                               whole("record_every", record_every, 1), [overrides(options) for options in of_worlds])
         self._description = d = self._batch.describe()
         self.rows: int = d["rows"]
         self.columns: int = d["columns"]
@@ -217,7 +218,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._add_info(infos, {"error": self._batch.error(i)}, i)
 
     def _start_recording(self) -> None:
-        if self._recording is not None:
+        if self._recording is not None and os.getpid() == self._process:
             os.makedirs(self._recording[0], exist_ok=True)
             self._batch.record(*self._recording)
             self._recording = None
@@ -450,7 +451,7 @@ def _whole_options(experiment: PathName, options: Options, source: str | None) -
     ranges = [name for name, value in options.items() if isinstance(value, tuple) and not name.startswith("vary.")
               and all(isinstance(end, int) for end in value)]
     try:
-        defaults = _core.option_values(os.fspath(experiment), overrides(
+        defaults = _core.option_values(path_text(experiment), overrides(
             {name: value for name, value in options.items() if not isinstance(value, tuple)}), source) if ranges else {}
     except _core.Error:  # which creating the worlds names, if they have it too
         defaults = {}

@@ -17,6 +17,7 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
+from ._arguments import Parser, positive
 from ._printable import guard_output, printable
 
 PARAMETERS = ("friction", "rolling_friction", "restitution", "mass")  # of an object
@@ -39,7 +40,7 @@ def _names(text: str) -> tuple[str, ...]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command. arguments: without the program's name [sys.argv]."""
-    parser = argparse.ArgumentParser(prog="smartsurf identify", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog="smartsurf identify", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recordings", nargs="+", metavar="FILE.h5")
     parser.add_argument("--experiment", required=True, metavar="FILE.lua")
     parser.add_argument("-o", "--output", required=True, metavar="FILE.lua")
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--sensor", default="pin_height", help="sensor channel of their heights [pin_height; else the simulator's heights]")
     parser.add_argument("--object", metavar="LABEL", help="object that moves")
     parser.add_argument("--fit", type=_names, default=PARAMETERS, metavar="NAME,…", help=f"of the object [{','.join(PARAMETERS)}]")
-    parser.add_argument("--seconds", type=float, help="of its motion that count, from the start of each recording [all]")
+    parser.add_argument("--seconds", type=positive, help="of its motion that count, from the start of each recording [all]")
     parser.add_argument("--set", action="append", type=_option, default=[], metavar="NAME=VALUE", help="option of the experiment")
     how = parser.parse_args(arguments)
     try:

@@ -7,10 +7,12 @@ standard library only.
 from __future__ import annotations
 
 import json
+import math
 import os
 import pathlib
 import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -54,12 +56,37 @@ def program(given: str | os.PathLike[str] | None = None) -> str:
     return os.path.abspath(path)
 
 
+def _plain(value: Any) -> Any:
+    """The value as JSON has it: arrays and scalars of NumPy as lists and numbers, NaN, a gap, as None."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(member) for name, member in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(member) for member in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and math.isinf(value):
+        raise ValueError(f"chart: has the value {value}: must be finite, or NaN for a gap")
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
 def plot(chart: Mapping[str, Any], file: str | os.PathLike[str], smartsurf: str | os.PathLike[str] | None = None) -> None:
-    """Draws a chart as SVG, PDF or PNG. chart: its description, as docs/recordings.md has it."""
+    """Draws a chart as SVG, PDF or PNG. chart: its description, as docs/recordings.md has it; its values may be arrays, and NaN
+    is a gap. Raises RunError if it cannot be drawn, FileNotFoundError if there is no program."""
     with tempfile.TemporaryDirectory(prefix="smartsurf-plot-") as folder:
         description = pathlib.Path(folder, "chart.json")
-        description.write_text(json.dumps(chart))
-        subprocess.run([program(smartsurf), "plot", description, "-o", os.fspath(file)], check=True)
+        description.write_text(json.dumps(_plain(chart)))
+        done = subprocess.run([program(smartsurf), "plot", description, "-o", os.fspath(file)], stdin=subprocess.DEVNULL,
+                              stderr=subprocess.PIPE)
+    log = done.stderr.decode(errors="replace")
+    if done.returncode != 0:
+        raise RunError(_last_line(log, done.returncode), done.returncode)
+    if log:  # a warning
+        print(printable(log, "\n\t"), end="", file=sys.stderr)
+
+
+def _last_line(log: str, status: int) -> str:
+    """The message of a program that has failed."""
+    return printable((log.strip().splitlines() or [f"smartsurf ended with status {status}"])[-1])
 
 
 def _text(value: Any) -> str:
@@ -154,5 +181,5 @@ def run(experiment: str | os.PathLike[str], controller: str | None = None, seed:
     status, stats, log = execute(command(experiment, controller, seed, set, until=until, engine=engine, threads=threads,
                                          worlds=worlds, record=record, extensions=extensions, smartsurf=smartsurf), timeout)
     if status != 0 or stats is None:
-        raise RunError(printable((log.strip().splitlines() or [f"smartsurf ended with status {status}"])[-1]), status)
+        raise RunError(_last_line(log, status), status)
     return stats

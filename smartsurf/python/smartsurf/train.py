@@ -22,48 +22,48 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
+from ._arguments import Parser, positive, share, whole
 from ._printable import guard_output, printable
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command. arguments: without the program's name [sys.argv]."""
-    parser = argparse.ArgumentParser(prog="smartsurf train", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog="smartsurf train", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("task", metavar="TASK")
     parser.add_argument("--method", choices=("cem", "ppo"), default="cem", help="[cem]")
     parser.add_argument("--policy", choices=("local", "cnn", "mlp"), default="local", help="cem: local only [local]")
     parser.add_argument("--hidden", type=_sizes, metavar="N,…", help="units of the hidden layers, 0 for none [cem 4, ppo 16, mlp 64]")
-    parser.add_argument("--iterations", type=_whole, default=30, help="generations or updates [30]")
-    parser.add_argument("--seed", type=int, default=1, help="of everything random [1]")
+    parser.add_argument("--iterations", type=whole(1), default=30, help="generations or updates [30]")
+    parser.add_argument("--seed", type=whole(0, 2**63 - 1), default=1, help="of everything random [1]")
     parser.add_argument("--neighbours", type=int, choices=(0, 4, 8), help="that each cell of a local policy reads [cem 4, ppo 8]")
-    parser.add_argument("--memory", type=int, default=0, help="values that each cell of a local policy remembers [0]")
-    parser.add_argument("--test", type=int, default=0, metavar="N",
+    parser.add_argument("--memory", type=whole(0), default=0, help="values that each cell of a local policy remembers [0]")
+    parser.add_argument("--test", type=whole(0), default=0, metavar="N",
                         help="episodes of other seeds after each iteration, which neither samples nor times count [0]")
-    parser.add_argument("--threads", type=_whole, default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
+    parser.add_argument("--threads", type=whole(1), default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="FOLDER")
     parser.add_argument("--resume", action="store_true",
                         help="go on after the last iteration of FOLDER/checkpoint.npz, if there is one, with the same arguments")
     of_cem = parser.add_argument_group("cem")
-    of_cem.add_argument("--candidates", type=_whole, default=24, help="of a generation [24]")
-    of_cem.add_argument("--runs", type=_whole, default=4, help="episodes of each candidate [4]")
-    of_cem.add_argument("--deviation", type=float, default=0.5, help="of the parameters at the start [0.5]")
-    of_cem.add_argument("--substeps", type=_whole, default=1, help="how often the network is applied in a tick; needs memory [1]")
+    of_cem.add_argument("--candidates", type=whole(1), default=24, help="of a generation [24]")
+    of_cem.add_argument("--runs", type=whole(1), default=4, help="episodes of each candidate [4]")
+    of_cem.add_argument("--deviation", type=positive, default=0.5, help="of the parameters at the start [0.5]")
+    of_cem.add_argument("--substeps", type=whole(1), default=1, help="how often the network is applied in a tick; needs memory [1]")
     of_ppo = parser.add_argument_group("ppo")
-    of_ppo.add_argument("--worlds", type=_whole, default=32, help="[32]")
-    of_ppo.add_argument("--hold", type=_whole, help="ticks of a decision, while it learns [6, with memory 1]")
-    of_ppo.add_argument("--horizon", type=_whole, help="decisions between two updates [192 ticks]")
-    of_ppo.add_argument("--discount", type=float, help="of a decision [0.9 for 6 ticks]")
-    of_ppo.add_argument("--gae-lambda", type=float, help="of a decision [0.9 for 6 ticks]")
-    of_ppo.add_argument("--epochs", type=_whole, default=5, help="of an update [5]")
-    of_ppo.add_argument("--minibatches", type=_whole, default=4, help="of an epoch [4]")
-    of_ppo.add_argument("--sequence", type=_whole, default=24, help="decisions through which gradients of memory go back [24]")
-    of_ppo.add_argument("--clip", type=float, default=0.2, help="of ratios [0.2]")
+    of_ppo.add_argument("--worlds", type=whole(1), default=32, help="[32]")
+    of_ppo.add_argument("--hold", type=whole(1), help="ticks of a decision, while it learns [6, with memory 1]")
+    of_ppo.add_argument("--horizon", type=whole(1), help="decisions between two updates [192 ticks]")
+    of_ppo.add_argument("--discount", type=share, help="of a decision [0.9 for 6 ticks]")
+    of_ppo.add_argument("--gae-lambda", type=share, help="of a decision [0.9 for 6 ticks]")
+    of_ppo.add_argument("--epochs", type=whole(1), default=5, help="of an update [5]")
+    of_ppo.add_argument("--minibatches", type=whole(1), default=4, help="of an epoch [4]")
+    of_ppo.add_argument("--sequence", type=whole(1), default=24, help="decisions through which gradients of memory go back [24]")
+    of_ppo.add_argument("--clip", type=positive, default=0.2, help="of ratios [0.2]")
     of_ppo.add_argument("--entropy", type=float, default=0.0, help="weight of the entropy [0]")
-    of_ppo.add_argument("--learning-rate", type=float, default=1e-2, help="of the policy [0.01], which falls to 0")
-    of_ppo.add_argument("--exploration", type=float, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
-    of_ppo.add_argument("--together", type=float, default=0.9,
+    of_ppo.add_argument("--learning-rate", type=positive, default=1e-2, help="of the policy [0.01], which falls to 0")
+    of_ppo.add_argument("--exploration", type=positive, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
+    of_ppo.add_argument("--together", type=share, default=0.9,
                         help="share of its variance that the cells of a world have in common [0.9]")
-    of_ppo.add_argument("--noise-ticks", type=_whole, default=24, help="for which the cells of a world explore alike [24]")
+    of_ppo.add_argument("--noise-ticks", type=whole(1), default=24, help="for which the cells of a world explore alike [24]")
     how = parser.parse_args(arguments)
     if how.method == "cem" and how.policy != "local":
         parser.error(f"--policy {how.policy}: --method cem searches local policies; use --method ppo")
@@ -71,8 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         how.hidden = (4,) if how.method == "cem" else (64,) if how.policy == "mlp" else (16,)
     if how.neighbours is None:
         how.neighbours = 4 if how.method == "cem" else 8
-    if how.memory < 0 or how.memory and how.policy != "local":
-        parser.error(f"--memory {how.memory}: a local policy has memory, 0 values or more")
+    if how.memory and how.policy != "local":
+        parser.error(f"--memory {how.memory}: a local policy alone has memory")
     if how.memory and how.hold not in (None, 1):
         parser.error(f"--hold {how.hold}: a policy with memory decides in each tick: --hold 1")
     how.hold = how.hold or (1 if how.memory else 6)
@@ -103,14 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"wrote {', '.join(str(path) for path in sorted(folder.iterdir()) if path.suffix in ('.aps', '.onnx', '.csv'))}")
 
 
-def _whole(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} must be a whole number, at least 1")
-    return int(text)
-
-
 def _sizes(text: str) -> tuple[int, ...]:
-    return () if text == "0" else tuple(_whole(part) for part in text.split(","))
+    return () if text == "0" else tuple(map(whole(1), text.split(",")))
 
 
 def _refusal(reason: object) -> int:

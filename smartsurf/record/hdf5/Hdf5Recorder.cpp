@@ -42,6 +42,12 @@ Handle create_file(const PendingFile& pending) {
                 H5Fclose, "cannot be written");
 }
 
+int descriptor_of(hid_t file) {
+  void* descriptor = nullptr;
+  check(H5Fget_vfd_handle(file, H5P_DEFAULT, &descriptor), "file descriptor");
+  return *static_cast<const int*>(descriptor);
+}
+
 bool is_valid_channel_name(std::string_view name) {
   return !name.empty() && name != "." && name.find('/') == name.npos && name.find('\0') == name.npos;
 }
@@ -62,6 +68,7 @@ struct Hdf5Recorder::OpenFile {
         record(spec.record),
         surface(spec.surface),
         file(create_file(pending)),
+        descriptor(descriptor_of(file)),
         preallocator(pending.path()) {}
 
   void write_declarations(const RunMetadata& meta, const scene::SceneSpec& spec) {
@@ -109,6 +116,7 @@ struct Hdf5Recorder::OpenFile {
   scene::RecordSpec record;
   scene::SurfaceSpec surface;
   Handle file;
+  OwnedDescriptor descriptor;
   FilePreallocator preallocator;
   std::optional<CatalogueWriter> catalogue;
   std::vector<scene::ObjectSpec> pending_objects;  // not yet in the file's catalogue
@@ -518,6 +526,7 @@ void Hdf5Recorder::abandon_file() noexcept {
 
 template <class Action>
 void Hdf5Recorder::with_open_file(Action action) {
+  if (owner_.is_child()) return;  // where another thread of the parent may hold the lock
   const std::lock_guard lock(library_mutex());
   if (!open_file_) return;
   std::string reason;
@@ -559,6 +568,10 @@ Hdf5Recorder::~Hdf5Recorder() {
       if (content.written_frames > 0) pending_->commit();
     });
   } catch (const std::exception&) {  // a destructor cannot report errors
+  }
+  if (owner_.is_child()) {
+    abandon_file();
+    return;
   }
   const std::lock_guard lock(library_mutex());
   open_file_.reset();

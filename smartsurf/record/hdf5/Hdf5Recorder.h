@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "smartsurf/record/Ownership.h"
 #include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
@@ -37,12 +38,14 @@ class Hdf5Recorder final : public Recorder {
   void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                    std::span<const scene::ChannelData> sensors, std::span<const scene::ChannelData> actuators,
                    std::span<const NamedNumber> metrics) override;
-  // Calls action(*open_file_) under the library's lock; does nothing once closed or failed.
+  // Calls action(*open_file_) under the library's lock; does nothing once closed or failed, or in a
+  // child of fork().
   template <class Action>
   void with_open_file(Action action);
 
   void abandon_file() noexcept;
 
+  Owner owner_;
   std::string name_;
   std::unique_ptr<PendingFile> pending_;
   std::unique_ptr<OpenFile> open_file_;  // null once closed or failed

@@ -29,7 +29,7 @@ ActuatorFaults::ActuatorFaults(const scene::SurfaceSpec& surface,
   for (const FaultEntry& entry : map.entries())
     for (ChannelFaults& channel : channels_) {
       // Sensors have gains and offsets, too: an entry of all channels means theirs.
-      const bool is_of_all = entry.channel.empty() && entry.fault != "gain" && entry.fault != "offset" &&
+      const bool is_of_all = entry.channel.empty() && !needs_actuator_channel(entry.fault) &&
                              std::ranges::count(kActuatorFaults, entry.fault) > 0;
       if (entry.channel != channel.info.name && !is_of_all) continue;
       apply_entry(map, entry, channel, surface.index(entry.row, entry.column));
@@ -98,8 +98,12 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
     const float offset = channel.offset.empty() ? 0.0F : channel.offset[cell];
     set_cell(channel, cell, is_gain ? value : gain, is_gain ? offset : value);
   } else if (entry.fault == "late") {
+    const double late = require_value(0.0, 1000.0);
+    if (late != std::round(late))
+      map.refuse(entry,
+                 "value of 'late' = " + scene::format_number(late) + ": must be a whole number, 0 to 1000");
     if (channel.latency.empty()) channel.latency.assign(cells_, static_cast<std::uint16_t>(common_latency_));
-    const auto latency = common_latency_ + static_cast<int>(require_value(0.0, 1000.0));
+    const auto latency = common_latency_ + static_cast<int>(late);
     channel.latency[cell] = static_cast<std::uint16_t>(latency);
     channel.max_latency = std::max(channel.max_latency, latency);
   } else {

@@ -157,6 +157,11 @@ class Identification(ProgramTest):
         self.assertIn(expected, err)
         self.assertFalse((self.folder / "identified.lua").exists())
 
+    def test_seconds_are_above_0(self):
+        for value in ("0", "-1", "nan", "inf", "long"):
+            self.refused(f"--seconds: {value}: must be a finite number above 0", "run.h5", "--experiment", "table.lua", "-o", "identified.lua",
+                         "--seconds", value)
+
     def test_a_secret_table_is_found(self):
         draw = random.Random(5)
         speed, acceleration, lag, noise = draw.uniform(5, 8), draw.uniform(70, 140), draw.uniform(0.015, 0.03), draw.uniform(0.004, 0.01)

@@ -576,6 +576,26 @@ exec {APRON} run {idle} --shm "$2"
             heights.append(float(re.search(r'height="([\d.]+)', file.read_text())[1]))
         self.assertGreater(heights[1], heights[0] + 15, "a name of three does not fit into a third of the width")
 
+    def test_a_chart_takes_arrays_and_its_error_is_one_line(self):
+        file = self.folder / "chart.svg"
+        lists = {"layers": [{"mark": "line", "x": [0, 1, 2, 3], "y": [0.5, None, 2.0, 1.0]}], "width": 300}
+        plot(lists, file, SMARTSURF)
+        expected = file.read_text()
+        plot({"layers": ({"mark": "line", "x": [0, 1, 2, 3], "y": [0.5, float("nan"), 2.0, 1.0]},), "width": 300}, file, SMARTSURF)
+        self.assertEqual(file.read_text(), expected)
+        with self.assertRaisesRegex(RunError, r"^smartsurf: .*layers\[0\]\.mark = 'pie': must be line, point, bar or rect$") as caught:
+            plot({"layers": [{"mark": "pie", "x": [0], "y": [0]}]}, file, SMARTSURF)
+        self.assertEqual(caught.exception.status, 2)
+        with self.assertRaisesRegex(ValueError, "^chart: has the value inf: must be finite, or NaN for a gap$"):
+            plot({"layers": [{"mark": "line", "x": [0], "y": [float("inf")]}]}, file, SMARTSURF)
+        try:
+            import numpy as np
+        except ImportError:
+            self.skipTest("NumPy is missing")
+        plot({"layers": [{"mark": "line", "x": np.arange(4), "y": np.array([0.5, np.nan, 2, 1], np.float32)}], "width": np.int64(300)},
+             file, SMARTSURF)
+        self.assertEqual(file.read_text(), expected)
+
     def test_plot_says_which_runs_it_leaves_out(self):
         self.write("table.lua", """
             local seed = option('number', 1, 'a number')
@@ -593,6 +613,9 @@ exec {APRON} run {idle} --shm "$2"
         for arguments, message in (
                 (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
                 (("--seeds", "1-99999999999"), "sweep: --seeds 1-99999999999: more than 1000000 seeds"),
+                (("--seeds", "18446744073709551616"), "sweep: --seeds 18446744073709551616: a seed must be at most 18446744073709551615"),
+                (("--seeds", "3-18446744073709551616"), "a seed must be at most"),
+                (("--seeds", "²"), "sweep: --seeds ²: must be like 1-10"),
                 (("--out", "taken"), "sweep: --out taken: cannot be made a folder: File exists"),
                 (("--out", "taken/below"), "sweep: --out taken/below: cannot be made a folder: Not a directory"),
                 (("--set", "weight"), "sweep: --set weight: must be NAME=VALUE or NAME=VALUE,VALUE,…"),

@@ -270,6 +270,12 @@ class Functions(unittest.TestCase):
             with self.assertRaisesRegex(error, text):
                 f(a, out=out)
 
+    def test_a_path_with_a_nul_is_refused_as_by_open(self):
+        for call in (lambda: apron.compile(pathlib.Path("a.aps\0.aps")), lambda: apron.compile("a\0.aps"),
+                     lambda: apron.compile("!register(A)\nA = A\n", include=["folder\0"])):
+            with self.assertRaisesRegex(ValueError, "^embedded null character$"):
+                call()
+
     def test_errors_name_the_place(self):
         (self.folder / "wrong.aps").write_text("!register(A)\nA = B + 1\n")
         with self.assertRaises(apron.Error) as caught:

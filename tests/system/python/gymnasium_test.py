@@ -1015,6 +1015,81 @@ at(0.5, function() stop('reached', true) end)""")
         with self.assertRaisesRegex(ValueError, "record_every = 0"):
             smartsurf.VectorEnv(path, 2, record=self.folder / "r", record_every=0)
 
+    def test_a_forked_child_does_not_record(self):
+        program = """
+import os, sys
+import numpy as np
+import smartsurf
+path, folder, worlds, started, end = sys.argv[1:]
+env = smartsurf.Env(path, record=folder) if worlds == "0" else smartsurf.VectorEnv(path, int(worlds), 2, record=folder)
+def go(seed, steps):
+    random = np.random.default_rng(seed)
+    for _ in range(steps):
+        action = random.uniform(0, 2, env.action_space.shape).astype(np.float32)
+        *_, terminated, truncated, _ = env.step(action)
+        if worlds == "0" and (terminated or truncated):
+            env.reset()
+if started == "True":
+    env.reset(seed=1)
+    go(1, 5)
+pid = os.fork()
+if pid == 0:
+    env.reset(seed=2)
+    go(2, 100)
+    if end == "close":
+        env.close()
+    if end == "_exit":
+        os._exit(0)
+    sys.exit(0)
+if end == "close":  # else while the child runs
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+    assert os.path.exists(folder) == (started == "True")
+if started == "False":
+    env.reset(seed=1)
+go(1, 60)
+if end != "close":
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+env.close()
+"""
+        path = self.script(ENDINGS)
+        for worlds in (0, 2):
+            for started in (False, True):
+                for end in ("close", "exit", "_exit"):
+                    with self.subTest(worlds=worlds, started=started, end=end):
+                        folder = self.folder / f"{worlds}-{started}-{end}"
+                        done = subprocess.run([sys.executable, "-c", program, path, folder, str(worlds), str(started), end],
+                                              capture_output=True, text=True, timeout=120)
+                        self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
+                        files = sorted(folder.iterdir())
+                        self.assertGreaterEqual(len(files), 2)
+                        for file in files:
+                            self.assertEqual(file.suffix, ".h5")
+                            verified = self.verify(file)
+                            self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
+
+    def test_a_folder_with_episodes_and_a_file_are_refused(self):
+        path = self.script(CROWD)
+        (self.folder / "file").write_text("")
+        for make, name in ((lambda folder: smartsurf.Env(path, record=folder), "episode-000001.h5"),
+                           (lambda folder: smartsurf.VectorEnv(path, 2, record=folder), "world-0000-episode-000001.h5")):
+            folder = self.folder / name
+            folder.mkdir()
+            (folder / "notes.txt").write_text("")
+            env = make(folder)
+            env.reset(seed=1)
+            env.step(sampled(env.action_space, 1))
+            env.close()
+            self.assertTrue((folder / name).exists())
+            with self.assertRaisesRegex(ValueError, f"^record = '{folder}': has {name} of an earlier recording: give another folder$"):
+                make(folder)
+            with self.assertRaisesRegex(ValueError, f"^record = '{self.folder}/file': is a file: must be a folder"):
+                make(self.folder / "file")
+            with self.assertRaisesRegex(ValueError, "^embedded null character$"):
+                make(f"{self.folder}/new\0er")
+        for file in (f"{path}\0", f"{path}\0.lua"):
+            with self.assertRaisesRegex(ValueError, "^embedded null character$"):
+                smartsurf.VectorEnv(file, 2)
+
     def test_a_copy_does_not_record_and_says_so(self):
         path = self.script(CROWD)
         for number, make in enumerate((lambda folder: smartsurf.Env(path, record=folder),

@@ -557,6 +557,31 @@ class Errors(ExperimentTest):
                 call()
             self.assertNotIn("\n", str(raised.exception))
 
+    def test_a_path_with_a_nul_is_refused_as_by_open(self):
+        path = self.script(CROWD)
+        s = smartsurf.Simulation(path)
+        for call in (lambda: smartsurf.Simulation(path + "\0.lua"), lambda: smartsurf.Simulation(path, extensions=["a.so\0b"]),
+                     lambda: smartsurf.load_extension(pathlib.Path("a.so\0b")), lambda: s.record(self.folder / "a.h5\0.h5")):
+            with self.assertRaisesRegex(ValueError, "^embedded null character$"):
+                call()
+        self.assertEqual(list(self.folder.glob("a.h5*")), [])
+
+    def test_entries_of_fault_maps_that_no_channel_takes_are_refused(self):
+        def load(entry, sensors):
+            self.script(f"row,column,channel,fault,value\n0,0,height,dead,\n{entry}\n", "faults.csv")
+            return smartsurf.Simulation(self.script(f"surface {{ rows = 4, columns = 4, actuator = pin {{}}, sensors = {{ {sensors} }} }} "
+                                                    "faults { map = 'faults.csv' }"))
+        for entry in ("1,1,,gain,0.5", "1,1,,offset,1"):  # of all sensors
+            load(entry, "proximity {}")
+            with self.assertRaisesRegex(smartsurf.Error, r"faults.csv:3: channel is empty: fault '(gain|offset)' of an actuator must name"):
+                load(entry, "")
+        load("1,1,,stuck_low,", "proximity {}")
+        with self.assertRaisesRegex(smartsurf.Error, "faults.csv:3: fault 'stuck_low': not a fault of an actuator"):
+            load("1,1,,stuck_low,", "")
+        with self.assertRaisesRegex(smartsurf.Error, r"faults.csv:3: value of 'late' = 1.5: must be a whole number, 0 to 1000"):
+            load("1,1,,late,1.5", "")
+        load("1,1,,late,1000", "")
+
     def test_policies_name_what_is_wrong(self):
         layers = [(np.zeros((1, 1, 5)), [0])]
         for inputs, actions, memory, message in (
@@ -674,6 +699,65 @@ class Processes(ExperimentTest):
                 except RuntimeError:
                     os._exit(7)
             self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), 0 if threads == 1 else 7)
+
+    def test_a_forked_child_leaves_the_recording_to_its_parent(self):
+        program = """
+import os, sys
+import smartsurf
+path, file, end, ticks = sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4])
+s = smartsurf.Simulation(path, seed=1)
+s.record(file)
+for _ in range(ticks):
+    s.step(1.0)
+pid = os.fork()
+if pid == 0:
+    for _ in range(100):
+        s.step(2.0)
+    if end == "reset":
+        s.reset(2)
+        s.record(os.path.join(os.path.dirname(file), "childs.h5"))
+        s.step()
+        s.stop_recording()
+    sys.stdout.flush()
+    if end == "_exit":
+        os._exit(0)
+    sys.exit(0)
+if end != "reset":  # while the child runs
+    for _ in range(70):
+        s.step(1.0)
+assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+for _ in range(200 - ticks - 70 * (end != "reset")):
+    s.step(1.0)
+s.stop_recording()
+"""
+        script, expected = self.script(CROWD), None
+        for ending in ("csv", "h5"):
+            for end in ("none", "_exit", "exit", "reset"):
+                for ticks in (0, 100):  # before and after the file has its name
+                    with self.subTest(ending=ending, end=end, ticks=ticks):
+                        file = self.folder / f"{end}-{ticks}.{ending}"
+                        if end == "none":
+                            s = smartsurf.Simulation(script, seed=1)
+                            s.record(file)
+                            for _ in range(200):
+                                s.step(1.0)
+                            s.stop_recording()
+                            expected = file.read_bytes()
+                            continue
+                        done = subprocess.run([sys.executable, "-c", program, script, file, end, str(ticks)], capture_output=True,
+                                              text=True, timeout=120)
+                        self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
+                        if ending == "csv":
+                            self.assertEqual(file.read_bytes(), expected)
+                        else:
+                            for one, frames in ((file, 201), (self.folder / "childs.h5", 2))[:1 + (end == "reset")]:
+                                verified = subprocess.run([os.environ["SMARTSURF"], "replay", one, "--verify"], capture_output=True,
+                                                          text=True, timeout=120)
+                                self.assertEqual(verified.returncode, 0, verified.stdout + verified.stderr)
+                                text = subprocess.run([os.environ["SMARTSURF"], "info", "--datasets", one], capture_output=True,
+                                                      text=True, timeout=60).stdout
+                                self.assertRegex(text, rf"(?m)^/tick +{frames}$")
+        self.assertEqual(list(self.folder.glob("*.part")), [])
 
     def test_killed_python_leaves_neither_the_simulator_nor_the_controller_of_a_run(self):
         path, controller = self.script(CROWD), self.script("while(1)\n  surface.step\nendwhile\n", "idle.aps")

@@ -489,6 +489,9 @@ end)""", "moved.lua")
                 ("sensor.sonar.noise", 1, "no 'sonar'"), ("actuator.range", (0, 2), "changes the range of a channel"),
                 ("sensor.proximity.range", 3, "changes the range of a channel"), ("actuator.top", 0.5, "no 'top'"),
                 ("faults.height.stuck", 9, r"of cell \(0, 0\)"), ("faults.height.broken", 1, "no 'broken'"),
+                ("faults.height.dead", 0.3, r"faults.height.dead = 0.3 of cell .0, 0.: must be 0 or 1; faults.actuator.dead is a fraction"),
+                ("faults.proximity.stuck_low", 2, "must be 0 or 1; faults.sensor.stuck_low is a fraction"),
+                ("faults.height.late", 1.5, r"of cell .0, 0.: value of 'late' = 1.5: must be a whole number, 0 to 1000"),
                 ("faults.actuator.dead", 1.5, "must be in"), ("actuator.latency", 0.5, "must be a whole number"),
                 ("faults.actuator.latency", -1, "whole number, 0 to 1000"), ("gravity", 1, "no 'gravity'"),
                 ("object.box.orientation", (0, 0, 0, 0), "orientation: must be a rotation")):

@@ -119,6 +119,19 @@ class Pictures(ExperimentTest):
             self.assertEqual((film.n_frames, film.size), (4, (17, 13)))
         with self.assertRaisesRegex(ValueError, "frame 1 has shape"):
             smartsurf.Video([frames[0], frames[1][:5]])._repr_html_()
+        for wrong, shown in ((frames[0][0], r"shape \(17, 3\) and type uint8"), (frames[0][:, :, :2], r"shape \(13, 17, 2\)"),
+                             (frames[0] / 255, "type float64"), (frames[0].astype(int), "type int64"), (frames[0][:0], r"shape \(0, 17, 3\)")):
+            for call in (lambda: smartsurf.Video([wrong]), lambda: video.add(wrong)):
+                with self.assertRaisesRegex(ValueError, f"^frame has .*{shown}.*: must be height × width × 3, uint8$"):
+                    call()
+        self.assertEqual(len(video.frames), 4)
+        for period in (0, -1, np.nan, np.inf, 66, "1", None):
+            with self.assertRaisesRegex(ValueError, f"^period = {period!r}: must be above 0 and at most 65.535, in seconds$"):
+                smartsurf.Video(frames, period)
+        for name in ("film.gif", "film"):
+            with self.assertRaisesRegex(ValueError, r"^path = '.*film.*': must end in \.png"):
+                video.save(self.folder / name)
+            self.assertFalse((self.folder / name).exists())
 
     @unittest.skipUnless(HAS_VIEW, "built without the view")
     def test_the_picture_shows_what_the_segmentation_says(self):

@@ -160,6 +160,20 @@ class Training(ExperimentTest):
             self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
             self.assertIn(message, result.stderr)
 
+    def test_numbers_out_of_range_are_one_line(self):
+        for flag, value, right in (("--seed", "-1", "a whole number, 0 to 9223372036854775807"),
+                                   ("--seed", "9223372036854775808", "a whole number, 0 to 9223372036854775807"),
+                                   ("--test", "-1", "a whole number, 0 to 2147483647"), ("--test", "1.5", "a whole number"),
+                                   ("--memory", "-1", "a whole number, 0 to"), ("--iterations", "0", "a whole number, 1 to"),
+                                   ("--hidden", "4,0", "a whole number, 1 to"), ("--together", "1.5", "a number, 0 to 1"),
+                                   *((flag, value, "a finite number above 0") for flag in ("--deviation", "--learning-rate")
+                                     for value in ("nan", "-1", "0", "inf", "much"))):
+            with self.subTest(flag=flag, value=value):
+                result = subprocess.run([os.environ["SMARTSURF"], "train", self.script(PLATE), flag, value], capture_output=True, text=True,
+                                        cwd=self.folder)
+                self.assertEqual(result.returncode, 2)
+                self.assertRegex(result.stderr, rf"\Asmartsurf train: {flag}: {value.split(',')[-1]}: must be {right}[^\n]*\n\Z")
+
     def test_a_run_replaces_an_older_one(self):
         old = self.folder / "out/events.out.tfevents.1.there.1.0"
         old.parent.mkdir()

@@ -362,6 +362,7 @@ time.sleep(100)"""])
         try:
             with Controller(name, timeout=20) as controller, Observer(name) as observer:
                 self.assertTrue(controller.wait(10))
+                self.assertEqual(controller.surface_status, Result.OK)
                 controller.publish()
                 self.assertTrue(observer.latest())
                 child.kill()
@@ -370,7 +371,7 @@ time.sleep(100)"""])
                     controller.wait(20)
                 with self.assertRaises(SurfaceDied):
                     observer.wait(timeout=20)
-                self.assertEqual(observer.surface_state, "dead")
+                self.assertEqual((observer.surface_state, controller.surface_status), ("dead", Result.SURFACE_DEAD))
             found = {s.name: s.ownership for s in shm_protocol.list_surfaces()}
             self.assertEqual(found[name], "orphan")
         finally:

@@ -95,6 +95,58 @@ class LiveSurfaces(unittest.TestCase):
                 live.step(1)
         surface.close()
 
+    def test_a_closed_surface_says_so(self):
+        surface = Surface(unique("live"), 5, 7, 0.01, SENSORS[:1], ACTUATORS[:1])
+        thread, name = serve(surface, 2), surface.description.name
+        live = smartsurf.attach(name)
+        live.step(1)
+        self.assertTrue(live.step(1)[1])
+        thread.join()
+        for _ in range(2):
+            with self.assertRaisesRegex(RuntimeError, f"^surface {name} has closed: no step can follow; attach again where it runs$"):
+                live.step(1)
+            with self.assertRaisesRegex(RuntimeError, f"^surface {name} has closed: no episode can follow"):
+                live.reset()
+            live.close()
+        surface = Surface(unique("live"), 5, 7, 0.01, SENSORS[:1], ACTUATORS[:1])
+        surface.publish(0, 0.0)
+        name = surface.description.name
+        live = smartsurf.attach(name)
+        live.close()
+        for call, what in ((lambda: live.step(1), "step"), (live.reset, "episode")):
+            with self.assertRaisesRegex(RuntimeError, f"^surface {name} is closed here: no {what} can follow"):
+                call()
+        surface.close()
+
+    def test_a_killed_surface_stays_closed(self):
+        for noticed_by in ("step", "reset"):
+            name = unique("killed")
+            child = subprocess.Popen([sys.executable, "-c", f"""
+import shm_protocol, time
+s = shm_protocol.Surface({name!r}, 5, 7, 0.01, [shm_protocol.Channel("distance")], [shm_protocol.Channel("height")])
+s.publish(0, 0.0)
+time.sleep(100)"""])
+            try:
+                live = smartsurf.attach(name, timeout=20)
+                live.reset()
+                child.kill()
+                child.wait()
+                if noticed_by == "step":
+                    with self.assertRaises(shm_protocol.SurfaceDied):
+                        live.step(1)
+                    self.assertTrue(live.closed)
+                for _ in range(2):
+                    with self.assertRaisesRegex(RuntimeError, f"^surface {name} has closed: no episode can follow"):
+                        live.reset()
+                self.assertTrue(live.closed and live.info["surface_closed"])
+                with self.assertRaisesRegex(RuntimeError, f"^surface {name} has closed: no step can follow"):
+                    live.step(1)
+                live.close()
+            finally:
+                child.kill()
+                child.wait()
+                shm_protocol.clean(name)
+
     def test_the_former_environment_names_its_successor(self):
         with self.assertRaisesRegex(ImportError, r"is now smartsurf.Env\(shm=NAME\)"):
             from shm_protocol import SurfaceEnv  # noqa: F401

@@ -137,6 +137,8 @@ TEST(FaultMap, RejectsInvalidFileWithOneLine) {
             "faults.csv:2: fault 'ded': not a fault of an actuator (did you mean 'dead'?)");
   EXPECT_EQ(message(kHeader + "0,0,height,stuck,\n"),
             "faults.csv:2: value of 'stuck' is missing: must be in [1, 5]");
+  EXPECT_EQ(message(kHeader + "0,0,height,late,1.5\n"),
+            "faults.csv:2: value of 'late' = 1.5: must be a whole number, 0 to 1000");
   EXPECT_EQ(message(kHeader + "0,0,height,stuck,nan\n"),
             "faults.csv:2: value = 'nan': must be a finite number");
   EXPECT_EQ(message(kHeader + "0,0,height,dead,\n1,0,height,dead,\n0,0,height,stuck,2\n"),

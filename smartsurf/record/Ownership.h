@@ -1,0 +1,30 @@
+// What belongs to the process that made it and not to those forked from it.
+#pragma once
+
+namespace smartsurf::record {
+
+class Owner {
+ public:
+  Owner() noexcept;
+  // Tells if this process was forked from the one that made the object.
+  bool is_child() const noexcept;
+
+ private:
+  unsigned forks_;
+};
+
+// In a child of fork() the descriptor leads to /dev/null: nothing that the child writes reaches the file,
+// also by a library at exit, and the child holds none of the file's locks. Destroy it before closing the
+// descriptor.
+class OwnedDescriptor {
+ public:
+  explicit OwnedDescriptor(int descriptor);
+  ~OwnedDescriptor();
+  OwnedDescriptor(const OwnedDescriptor&) = delete;
+  OwnedDescriptor& operator=(const OwnedDescriptor&) = delete;
+
+ private:
+  int descriptor_;
+};
+
+}  // namespace smartsurf::record
