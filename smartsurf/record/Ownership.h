@@ -6,7 +6,7 @@ namespace smartsurf::record {
 class Owner {
  public:
   Owner() noexcept;
-  // Tells if this process was forked from the one that made the object.
+  // True in a process that was forked from the one that made the object.
   bool is_child() const noexcept;
 
  private:
