@@ -16,6 +16,15 @@ using program::Opcode;
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr float kMinParameter = 0.01F;  // in the precision of constants
+constexpr double kMaxParameter = 1e6;
+// A filter reaches three standard deviations to either side.
+constexpr double kReach = 3.0;
+constexpr double kMaxGaussian = (program::kMaxFilterExtent - 1) / 2.0 / kReach;
+
+int filter_radius(double width) {
+  return static_cast<int>(std::ceil(kReach * std::min(width, kMaxGaussian)));
+}
 
 // Coefficients weight(dx, dy), dx columns east and dy rows south of the centre, optionally normalised to a
 // sum of 1.
@@ -36,12 +45,12 @@ Filter make_filter(std::string name, int radius_x, int radius_y, bool normalize,
 
 }  // namespace
 
-// A compile-time constant of at least `low`, a parameter of a filter.
-double Lowering::real_constant(const Expression& expression, std::string_view subject, double low) {
-  const double value = number_constant(expression, subject);
-  if (!(value >= low && value <= 1e6)) {
-    fail(expression.location, "{} must be from {} to {}, not {}", subject, low, 1e6, value);
-  }
+// A compile-time constant from kMinParameter to `high`, a parameter of a filter.
+double Lowering::real_constant(const Expression& expression, std::string_view subject, double high) {
+  const float value = number_constant(expression, subject);
+  if (!(value >= kMinParameter && value <= high))
+    fail(expression.location, "{} must be from {} to {}, not {}", subject, kMinParameter,
+         std::floor(100.0 * high) / 100.0, value);
   return value;
 }
 
@@ -85,10 +94,10 @@ Value Lowering::lower_filter(const Builtin& builtin, const Expressions& argument
   } else if (builtin.form == BuiltinForm::kFilterEdge) {
     index = intern_filter({"$edge", 3, 3, {-1, -1, -1, -1, 8, -1, -1, -1, -1}});
   } else {
-    const double along = real_constant(arguments[1], "the width of a Gaussian", 0.01);
-    const double across = real_constant(arguments[2], "the width of a Gaussian", 0.01);
+    const double along = real_constant(arguments[1], "the width of a Gaussian", kMaxGaussian);
+    const double across = real_constant(arguments[2], "the width of a Gaussian", kMaxGaussian);
     const double angle = number_constant(arguments[3], "the angle of a Gaussian");
-    const int radius = filter_radius(std::max(along, across), arguments[1].location);
+    const int radius = filter_radius(std::max(along, across));
     index = intern_filter(make_filter(fmt::format("$ani {} {} {}", along, across, angle), radius, radius,
                                       true, [&](double x, double y) {
                                         const double u = (x * std::cos(angle) + y * std::sin(angle)) / along;
@@ -108,21 +117,11 @@ void Lowering::require_floats(const Builtin& builtin, const Value& value, Locati
        describe_name(value), program::cell_type_name(builder_.shape(value).type));
 }
 
-// The filter reaches three standard deviations to either side.
-int Lowering::filter_radius(double width, Location location) const {
-  const double radius = std::ceil(3.0 * width);
-  if (2.0 * radius + 1.0 > static_cast<double>(program::kMaxFilterExtent)) {
-    fail(location, "a filter has at most {0}x{0} elements, and a width of {1} needs more",
-         program::kMaxFilterExtent, width);
-  }
-  return static_cast<int>(radius);
-}
-
 // The filter is separable: one by rows and one by columns take fewer steps than the two-dimensional one.
 Value Lowering::lower_gauss(const Builtin& builtin, const Expressions& arguments, Location location,
                             ResultDestination* destination) {
-  const double width = real_constant(arguments[1], "the width of a Gaussian", 0.01);
-  const int radius = filter_radius(width, arguments[1].location);
+  const double width = real_constant(arguments[1], "the width of a Gaussian", kMaxGaussian);
+  const int radius = filter_radius(width);
   const auto gaussian = [&](double x, double y) {
     return std::exp(-0.5 * (x * x + y * y) / (width * width));
   };
@@ -197,20 +196,23 @@ void Lowering::lower_filter_set_element(const Expressions& arguments) {
 // as large as the width requires.
 void Lowering::lower_gabor(const Expressions& arguments) {
   const std::string& name = string_literal(arguments[0], "a filter's name");
-  const double width = real_constant(arguments[1], "a Gabor filter's width", 0.01);
-  const double angle = number_constant(arguments[2], "a Gabor filter's angle");
-  const double wave = real_constant(arguments[3], "a Gabor filter's wavelength", 0.01);
-  const double phase = arguments.size() > 4 ? number_constant(arguments[4], "a Gabor filter's phase") : 0.0;
+  const std::optional<std::uint32_t> known = find_filter(name);
   const double aspect =
-      arguments.size() > 5 ? real_constant(arguments[5], "a Gabor filter's aspect", 0.01) : 1.0;
+      arguments.size() > 5 ? real_constant(arguments[5], "a Gabor filter's aspect", kMaxParameter) : 1.0;
+  const double least = std::min(aspect, 1.0);
+  const double width =
+      real_constant(arguments[1], "a Gabor filter's width", known ? kMaxParameter : kMaxGaussian * least);
+  const double angle = number_constant(arguments[2], "a Gabor filter's angle");
+  const double wave = real_constant(arguments[3], "a Gabor filter's wavelength", kMaxParameter);
+  const double phase = arguments.size() > 4 ? number_constant(arguments[4], "a Gabor filter's phase") : 0.0;
   const auto weight = [&](double x, double y) {
     const double u = x * std::cos(angle) + y * std::sin(angle);
     const double v = y * std::cos(angle) - x * std::sin(angle);
     return std::exp(-0.5 * (u * u + aspect * aspect * v * v) / (width * width)) *
            std::cos(2.0 * kPi * u / wave + phase);
   };
-  if (const std::optional<std::uint32_t> index = find_filter(name)) return emit_filter_fill(*index, weight);
-  const int radius = filter_radius(width / std::min(aspect, 1.0), arguments[1].location);
+  if (known) return emit_filter_fill(*known, weight);
+  const int radius = filter_radius(width / least);
   intern_filter(make_filter(name, radius, radius, false, weight));
 }
 

@@ -247,8 +247,7 @@ class Lowering {
   void lower_filter_set_element(const Expressions&);
   void lower_gabor(const Expressions&);
   void emit_filter_fill(std::uint32_t index, const std::function<double(double, double)>& weight);
-  double real_constant(const Expression&, std::string_view subject, double low);
-  int filter_radius(double width, Location) const;
+  double real_constant(const Expression&, std::string_view subject, double high);
   program::Operand filter_operand(std::uint32_t index) const {
     return {program::OperandKind::kFilter, index};
   }

@@ -169,6 +169,7 @@ class Vm {
   Status execute_call(const DecodedInstruction& decoded);
   Status execute_host_op(const DecodedInstruction& decoded);
   Status execute_host_read(const DecodedInstruction& decoded);
+  Status fail_image_number(double number);
   ConstPlane floats_for_host(const DecodedInstruction& decoded, std::size_t operand);
   void notify_host(const DecodedInstruction& decoded);
   Status read_host_scalar(const DecodedInstruction& decoded);

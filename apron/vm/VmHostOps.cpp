@@ -16,6 +16,8 @@ namespace {
 constexpr double kMaxTileColumns = 64.0;
 constexpr double kCameras = 1e6;
 
+bool is_image_number(double n) { return n >= 0.0 && program::is_whole_scalar(n); }
+
 // File name of image n of a sequence. n replaces the run of '#', zero-padded to its length; without a '#' it
 // is inserted before the extension.
 std::string numbered_file_name(std::string_view name, double n) {
@@ -41,6 +43,7 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
   if (destination == 'R') return execute_host_read(decoded);
   switch (decoded.op) {
     case Opcode::kImageSaveCount:
+      if (!is_image_number(*decoded.scalars[2])) return fail_image_number(*decoded.scalars[2]);
       return to_status(host_.save_image(numbered_file_name(decoded.text, *decoded.scalars[2]),
                                         floats_for_host(decoded, 0)));
     case Opcode::kClipOpen:
@@ -75,6 +78,11 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       notify_host(decoded);
       return Status::kRunning;
   }
+}
+
+Status Vm::fail_image_number(double number) {
+  return fail(Status::kFailed,
+              "the number of an image is a whole number from 0 to 2^53, not " + format_number(number));
 }
 
 // The operand's cells as floats, which are all that images and surfaces know.
@@ -163,6 +171,8 @@ std::optional<double> Vm::host_scalar(const DecodedInstruction& decoded) {
 }
 
 Status Vm::execute_host_read(const DecodedInstruction& decoded) {
+  if (decoded.op == Opcode::kImageOpenCount && !is_image_number(*decoded.scalars[1]))
+    return fail_image_number(*decoded.scalars[1]);
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, *decoded.destination, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);

@@ -121,6 +121,7 @@ CppRange range_of(CppType type) {
 }
 
 CppValue cpp_constant(double value, CppType type) {
+  value += 0.0;  // 0 has no sign
   CppValue result;
   result.text = number_text(value, type);
   result.type = type;
@@ -139,6 +140,8 @@ CppValue cpp_convert(CppValue value, CppType to) {
   if (value.type == to || !is_scalar(value.type) || !is_scalar(to)) return value;
   if (to == CppType::kBool) return cpp_condition(std::move(value));
   if (to == CppType::kFloat) {
+    if (value.constant && static_cast<float>(*value.constant) != *value.constant)
+      return cpp_constant(static_cast<float>(*value.constant), to);
     value.type = to;
     return value;
   }
@@ -176,10 +179,16 @@ CppValue cpp_not(CppValue value) {
   return infix(value, "==", cpp_constant(0, CppType::kInt), Binding::kComparison, CppType::kBool, {0, 1});
 }
 
+CppValue cpp_promote(CppValue value) {
+  const CppType type = cpp_common_type(value.type, CppType::kInt);
+  return cpp_convert(std::move(value), type);
+}
+
 CppValue cpp_negative(CppValue value) {
-  const CppType type =
-      value.type == CppType::kFloat ? value.type : cpp_common_type(value.type, CppType::kInt);
-  if (value.constant) return cpp_convert(cpp_constant(-*value.constant, CppType::kInt), type);
+  value = cpp_promote(std::move(value));
+  const CppType type = value.type;
+  if (value.constant)
+    return cpp_constant(type == CppType::kFloat ? -*value.constant : wrapped(-*value.constant, type), type);
   CppValue result;
   result.type = type;
   result.binding = Binding::kSign;
@@ -214,8 +223,9 @@ std::optional<CppValue> cpp_binary(CppValue a, std::string_view op, CppValue b) 
   if (type == CppType::kFloat && (op == "%" || is_shift)) return std::nullopt;
   if (a.constant && b.constant) {
     if (const auto value = fold(*a.constant, op, *b.constant, type)) {
-      if (type == CppType::kFloat) return cpp_constant(static_cast<float>(*value), type);
-      return cpp_constant(wrapped(*value, type), type);
+      if (type != CppType::kFloat) return cpp_constant(wrapped(*value, type), type);
+      const auto rounded = static_cast<float>(*value);
+      if (std::isfinite(rounded)) return cpp_constant(rounded, type);
     }
   }
   if (op == "+") return finish_arithmetic(infix(a, op, b, Binding::kSum, type, sum(a.range, b.range)));

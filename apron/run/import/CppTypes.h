@@ -69,6 +69,8 @@ CppValue cpp_constant(double value, CppType type);
 CppValue cpp_convert(CppValue value, CppType to);
 // The value of `a op b` after the usual conversions; nothing for operators without a counterpart.
 std::optional<CppValue> cpp_binary(CppValue a, std::string_view op, CppValue b);
+// As an operand of an operator: of type int at least.
+CppValue cpp_promote(CppValue);
 CppValue cpp_negative(CppValue);
 CppValue cpp_complement(CppValue);
 CppValue cpp_not(CppValue);

@@ -37,6 +37,22 @@ std::optional<CppType> interface_type(const std::string& function, std::size_t i
   return std::nullopt;
 }
 
+CppValue number_value(const KernelToken& token) {
+  const CppType type = token.number == KernelNumber::kFloat       ? CppType::kFloat
+                       : token.number == KernelNumber::kUnsigned  ? CppType::kUint
+                       : token.number == KernelNumber::kCharacter ? CppType::kInt8
+                                                                  : CppType::kInt;
+  const double written = std::strtod(token.text.c_str(), nullptr);
+  const double value = type == CppType::kFloat ? static_cast<float>(written) : written;
+  if (!std::isfinite(value)) give_up("'{}' does not fit float", token.spelling);
+  if (type != CppType::kFloat && value > range_of(type).high)
+    give_up("'{}' does not fit {}", token.spelling, type == CppType::kUint ? "unsigned" : "int");
+  CppValue number = cpp_constant(value, type);
+  // APRON reads a fraction as the same float, and whole numbers exactly.
+  if (value == written || value != std::trunc(value)) number.text = token.text;
+  return number;
+}
+
 }  // namespace
 
 struct KernelTranslation::Cursor {
@@ -226,7 +242,7 @@ CppValue KernelTranslation::parse_unary(Cursor& cursor) {
     CppValue value = settle(parse_unary(cursor));
     if (!is_scalar(value.type) || (token.is("~") && value.type == CppType::kFloat))
       give_up("'{}' in an expression has no counterpart", token.text);
-    if (token.is("+")) return value;
+    if (token.is("+")) return cpp_promote(std::move(value));
     if (token.is("-")) return cpp_negative(std::move(value));
     return token.is("~") ? cpp_complement(std::move(value)) : cpp_not(std::move(value));
   }
@@ -254,15 +270,7 @@ CppValue KernelTranslation::parse_primary(Cursor& cursor) {
   const KernelToken& token = cursor.peek();
   if (token.kind == Kind::kNumber) {
     ++cursor.i;
-    const double value = std::strtod(token.text.c_str(), nullptr);
-    const bool is_hex = token.text.starts_with("0x") || token.text.starts_with("0X");
-    const bool is_float = !is_hex && token.text.find_first_of(".eE") != std::string::npos;
-    const bool is_large = value > range_of(CppType::kInt).high;
-    CppValue number = cpp_constant(value, is_float                        ? CppType::kFloat
-                                          : token.is_unsigned || is_large ? CppType::kUint
-                                                                          : CppType::kInt);
-    number.text = token.text;
-    return number;
+    return number_value(token);
   }
   if (token.is("(")) {
     std::size_t inside = cursor.i + 1;
@@ -367,14 +375,16 @@ CppValue KernelTranslation::call_value(const std::string& name, const std::vecto
   const bool is_extreme = (name == "min" || name == "max") && arguments.size() == 2;
   const bool is_abs = name == "abs" && arguments.size() == 1;
   if ((is_extreme || is_abs) && find_function(name, arguments.size()) == nullptr) {
-    std::string text;
+    std::vector<CppValue> values;
     CppType type = CppType::kInt;
     for (const KernelTokenList& argument : arguments) {
-      const CppValue value = settle(expression(argument, *prelude_, prelude_depth_));
-      if (!is_scalar(value.type)) give_up("'{}' of a register has no counterpart", name);
-      type = text.empty() ? cpp_common_type(value.type, CppType::kInt) : cpp_common_type(type, value.type);
-      text += (text.empty() ? "" : ", ") + value.text;
+      values.push_back(settle(expression(argument, *prelude_, prelude_depth_)));
+      if (!is_scalar(values.back().type)) give_up("'{}' of a register has no counterpart", name);
+      type = cpp_common_type(type, values.back().type);
     }
+    std::string text;
+    for (CppValue& value : values)
+      text += (text.empty() ? "" : ", ") + cpp_convert(std::move(value), type).text;
     return value_of(fmt::format("{}({})", name, text), type, range_of(type));
   }
   if (name == "vs_gui_read_slider" && arguments.size() == 1)
@@ -422,7 +432,9 @@ std::string KernelTranslation::function_arguments(const Signature& function,
   std::string text;
   for (std::size_t i = 0; i < function.parameters.size(); ++i) {
     const Parameter& parameter = function.parameters[i];
-    const KernelTokenList& tokens = i < arguments.size() ? arguments[i] : *parameter.initial;
+    const bool is_default = i >= arguments.size();
+    const KernelTokenList& tokens = is_default ? *parameter.initial : arguments[i];
+    const FileScope scope(*this, is_default);  // a default argument means the names where the function is
     std::string one;
     const ValueFlow::Part part(flow_);
     if (parameter.is_any) {

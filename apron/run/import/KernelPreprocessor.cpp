@@ -88,6 +88,18 @@ class ConditionParser {
   bool is_too_deep_ = false;
 };
 
+// The word that `##` makes of two.
+KernelToken pasted(KernelToken left, const KernelToken& right) {
+  const auto spelling = [](const KernelToken& token) {
+    return token.spelling.empty() ? token.text : token.spelling;
+  };
+  const std::string text = spelling(left) + spelling(right);
+  const KernelTokenList words = scan_kernel_source(text, left.line, left.file);
+  if (words.size() == 2 && words[0].kind != Kind::kComment) return words[0];
+  left.text = text;
+  return left;
+}
+
 }  // namespace
 
 std::vector<KernelTokenList> split_arguments(const KernelTokenList& tokens, std::size_t first,
@@ -119,6 +131,7 @@ std::size_t behind_bracket(const KernelTokenList& tokens, std::size_t open) {
 
 KernelTokenList KernelPreprocessor::run(std::string_view text) {
   files_ = {""};
+  macros_["__cplusplus"].body = {{Kind::kNumber, "202002"}};
   read(text, 0, "");
   out_.push_back({Kind::kEnd, "", out_.empty() ? 1 : out_.back().line, 0});
   return std::move(out_);
@@ -273,7 +286,8 @@ void KernelPreprocessor::define(const KernelToken& token) {
     const auto same = [](const KernelToken& a, const KernelToken& b) { return a.text == b.text; };
     if (std::ranges::equal(macro.body, known->second.body, same)) return;
   } else {
-    macro.is_kept = known == macros_.end() && may_stay(name, macro);
+    // What follows a second definition is not what the program's name means.
+    macro.is_kept = defined_.insert(name).second && known == macros_.end() && may_stay(name, macro);
   }
   if (macro.is_kept) out_.push_back(token);
   macros_[name] = std::move(macro);
@@ -292,7 +306,12 @@ bool KernelPreprocessor::may_stay(const std::string& name, const Macro& macro) c
     const KernelToken& token = body[i];
     has_statement = has_statement || token.is(";");
     if (token.text[0] == '#' || token.is("=") || token.is("++") || token.is("--")) return false;
-    if (token.kind != Kind::kName || (i + 1 < body.size() && body[i + 1].is("("))) continue;
+    if (token.kind != Kind::kName) continue;
+    if (i + 1 < body.size() && body[i + 1].is("(")) {
+      // A number is converted to the type of the operand that it becomes, where its own type is known.
+      if (token.text.starts_with("scamp5_") || token.text.find("blur") != std::string::npos) return false;
+      continue;
+    }
     if (std::ranges::find(macro.parameters, token.text) != macro.parameters.end()) {
       const bool is_operand = i > 0 && i + 1 < body.size() && (body[i - 1].is("(") || body[i - 1].is(",")) &&
                               (body[i + 1].is(")") || body[i + 1].is(","));
@@ -342,10 +361,9 @@ void KernelPreprocessor::expand(const KernelTokenList& in, std::size_t& i, const
   }
   const std::size_t end = behind_bracket(in, i);
   const std::vector<KernelTokenList> arguments = split_arguments(in, i + 1, end - 1);
+  // A number is converted to the type of the operand that it becomes.
   const bool is_plain = std::ranges::all_of(arguments, [&](const KernelTokenList& argument) {
-    return argument.size() == 1 &&
-           (argument[0].kind == Kind::kNumber || !macros_.contains(argument[0].text) ||
-            macros_.at(argument[0].text).is_kept);
+    return argument.size() == 1 && argument[0].kind == Kind::kName && !macros_.contains(argument[0].text);
   });
   if ((macro.is_kept && is_plain) || arguments.size() != macro.parameters.size()) {
     out.push_back(token);
@@ -392,7 +410,7 @@ KernelTokenList KernelPreprocessor::substitute(const Macro& macro,
       part.line = call.line;
       part.file = call.file;
       if (std::exchange(pastes, false) && !out.empty())
-        out.back().text += part.text;
+        out.back() = pasted(out.back(), part);
       else
         out.push_back(std::move(part));
     }

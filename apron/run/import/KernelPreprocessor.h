@@ -56,7 +56,8 @@ class KernelPreprocessor {
   const KernelVocabulary& vocabulary_;
   const ImportOptions& options_;
   std::map<std::string, Macro> macros_;
-  std::size_t expanded_ = 0;  // tokens that macros have become
+  std::set<std::string> defined_;  // names that have been macros
+  std::size_t expanded_ = 0;       // tokens that macros have become
   std::set<std::string> included_;
   std::vector<std::string> files_;
   std::vector<ImportNote> notes_;

@@ -213,6 +213,7 @@ void KernelSourceReader::leave_out_values(std::size_t first, std::size_t last, P
   }
   position_ = position;
   std::set<std::string> seen;
+  const std::vector<bool> changed = changed_brackets(first, last);
   std::size_t inner_end = first;  // of a loop within the text
   for (std::size_t i = first; i < last; ++i) {
     const KernelToken& token = tokens_[i];
@@ -227,11 +228,31 @@ void KernelSourceReader::leave_out_values(std::size_t first, std::size_t last, P
       else
         loops_.back().left_out_break = reason;
     }
-    if (!seen.insert(token.text).second) continue;
+    const bool is_bracketed = changed[i - first];
+    if (!is_bracketed && !seen.insert(token.text).second) continue;
     const Variable* variable = find_variable(token.text);
-    if (variable != nullptr && is_scalar(variable->type) && may_change(token.text, first, last))
+    if (variable != nullptr && is_scalar(variable->type) &&
+        (may_change(token.text, first, last) || is_bracketed))
       flow_.leave_out(variable->node, reason);
   }
+}
+
+// Which tokens of the text stand in brackets that are assigned or counted: (a), (test ? a : b).
+std::vector<bool> KernelSourceReader::changed_brackets(std::size_t first, std::size_t last) const {
+  const auto counts = [](const KernelToken& one) { return one.is("++") || one.is("--"); };
+  std::vector<bool> changed(last - first, false);
+  std::vector<std::size_t> open;
+  for (std::size_t i = first; i < last; ++i) {
+    if (tokens_[i].is("(")) open.push_back(i);
+    if (!tokens_[i].is(")") || open.empty()) continue;
+    const std::size_t begin = open.back();
+    open.pop_back();
+    const bool is_changed = is_assignment(tokens_[i + 1]) || counts(tokens_[i + 1]) ||
+                            (begin > first && counts(tokens_[begin - 1]));
+    if (!is_changed) continue;
+    std::fill(changed.begin() + (begin - first), changed.begin() + (i - first), true);
+  }
+  return changed;
 }
 
 void KernelSourceReader::translate_statement(ProgramLines& out, int depth) {
@@ -325,6 +346,11 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
                                               ProgramLines& out, int depth) {
   const auto [is_const, is_static, is_reference] = qualifiers;
   const std::string name = peek().text;
+  const auto known = scopes_.front().find(name);
+  if (scopes_.size() == 1 && known != scopes_.front().end() && !is_unset(name) &&
+      known->second.type != CppType::kOther)
+    note(peek().line, fmt::format("another '{}' is declared: only their namespaces tell them apart", name),
+         true);
   if (peek(1).is("[")) {
     scopes_.back()[name] = {name, CppType::kOther, {}, std::nullopt, true};
     give_up("'{} [ …' is code of the controller", name);
@@ -350,10 +376,12 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
       }
     }
   }
-  if (type == CppType::kOther || type == CppType::kRegister) {  // auto, or a name for a register
+  CppValue value;
+  const bool is_deduced = type == CppType::kOther || type == CppType::kRegister;
+  if (is_deduced) {  // auto, or a name for a register
     if (words.empty()) give_up("'{}' names no register", name);
     if (words.size() > 1 && words[0].is("&")) words.erase(words.begin());
-    const CppValue value = settle(expression(words, out, depth), out, depth);
+    value = settle(expression(words, out, depth), out, depth);
     if (value.type == CppType::kRegister) {
       if (!is_const && !is_reference && may_change(name, position_, tokens_.size() - 1))
         give_up("'{}' names another register later", name);
@@ -361,11 +389,9 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
       return;
     }
     if (type == CppType::kRegister) give_up("'{}' names no register", name);
-    type = value.type == CppType::kBool || value.type == CppType::kFloat
-               ? value.type
-               : cpp_common_type(value.type, CppType::kInt);
+    type = value.type;
   }
-  CppValue value = words.empty() ? cpp_constant(0, type) : expression(words, out, depth);
+  if (!is_deduced) value = words.empty() ? cpp_constant(0, type) : expression(words, out, depth);
   if (!is_scalar(value.type)) give_up("'{}' is no number", plain_text(words));
   value = cpp_convert(
       value.is_call && value.type != type ? settle(std::move(value), out, depth) : std::move(value), type);

@@ -103,6 +103,7 @@ class KernelSourceReader final : KernelTranslation {
   bool may_change(const std::string& name, std::size_t first, std::size_t last) const;
   bool may_change(const std::string& name, std::size_t first, std::size_t last,
                   std::set<std::size_t>& visited) const;
+  std::vector<bool> changed_brackets(std::size_t first, std::size_t last) const;
   bool may_change_any(const KernelTokenList& names, std::size_t first, std::size_t last) const;
   // The loop over the frames, which has no end on the chip.
   void translate_frames(ProgramLines& out, int depth);

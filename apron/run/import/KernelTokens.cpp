@@ -1,10 +1,15 @@
 #include "apron/run/import/KernelTokens.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 #include <cstdlib>
+#include <optional>
 #include <set>
+#include <system_error>
 #include <utility>
 
 namespace apron::run {
@@ -19,21 +24,99 @@ std::string trim(std::string_view text) {
   return std::string(text);
 }
 
-// A C++ literal as APRON writes it.
-std::string convert_number(std::string text) {
-  std::erase(text, '\'');
-  const bool is_binary = text.size() > 2 && text[0] == '0' && (text[1] == 'b' || text[1] == 'B');
-  const bool is_hex = text.size() > 2 && text[0] == '0' && (text[1] == 'x' || text[1] == 'X');
-  while (!text.empty() && std::string_view("uUlL").find(text.back()) != std::string_view::npos)
-    text.pop_back();
-  if (!is_hex && !text.empty() && (text.back() == 'f' || text.back() == 'F')) text.pop_back();
-  const bool is_octal =
-      text.size() > 1 && text[0] == '0' && text.find_first_not_of("01234567") == std::string::npos;
-  if (is_octal) return std::to_string(std::strtoull(text.c_str(), nullptr, 8));
-  if (!is_binary) return text;
+bool is_hexadecimal(std::string_view text) { return text.starts_with("0x") || text.starts_with("0X"); }
+
+bool is_integer_suffix(std::string_view text) {
+  std::string suffix;
+  for (const char c : text) suffix += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (suffix.starts_with('u'))
+    suffix.erase(0, 1);
+  else if (suffix.ends_with('u'))
+    suffix.pop_back();
+  return suffix.empty() || suffix == "l" || suffix == "ll" || suffix == "z";
+}
+
+// The end of the number of C++ that begins the text: a sign belongs to it behind the letter of an exponent.
+std::size_t number_end(std::string_view text) {
+  const std::string_view exponents = is_hexadecimal(text) ? "pP" : "eE";
+  std::size_t end = 1;
+  for (; end < text.size(); ++end) {
+    const char c = text[end];
+    const bool is_sign = (c == '+' || c == '-') && exponents.find(text[end - 1]) != std::string_view::npos;
+    const bool is_separator = c == '\'' && end + 1 < text.size() && is_word(text[end + 1]);
+    if (!is_word(c) && c != '.' && !is_separator && !is_sign) break;
+  }
+  return end;
+}
+
+std::optional<KernelToken> read_integer(const std::string& digits) {
+  const bool is_hex = is_hexadecimal(digits);
+  const bool is_binary = digits.starts_with("0b") || digits.starts_with("0B");
+  const bool is_octal = !is_hex && !is_binary && digits.size() > 1 && digits[0] == '0';
+  const int base = is_hex ? 16 : is_binary ? 2 : is_octal ? 8 : 10;
+  const char* const first = digits.data() + (is_hex || is_binary ? 2 : 0);
+  const char* const last = digits.data() + digits.size();
   std::uint64_t value = 0;
-  for (std::size_t i = 2; i < text.size(); ++i) value = value * 2 + (text[i] == '1' ? 1U : 0U);
-  return std::to_string(value);
+  const auto [end, error] = std::from_chars(first, last, value, base);
+  const std::string_view suffix(end, last - end);
+  if (error != std::errc{} || !is_integer_suffix(suffix)) return std::nullopt;
+  KernelToken token{KernelTokenKind::kNumber,
+                    is_hex ? digits.substr(0, end - digits.data()) : std::to_string(value)};
+  constexpr std::uint64_t kMaxInt = 0x7fffffff;
+  if (suffix.find_first_of("uU") != std::string_view::npos || (base != 10 && value > kMaxInt))
+    token.number = KernelNumber::kUnsigned;
+  return token;
+}
+
+std::optional<KernelToken> read_fraction(const std::string& digits) {
+  const bool is_hex = is_hexadecimal(digits);
+  if (digits.find_first_of(is_hex ? "pP" : ".eE") == std::string::npos) return std::nullopt;
+  char* end = nullptr;
+  const double value = std::strtod(digits.c_str(), &end);
+  const std::string_view suffix(end);
+  if (!suffix.empty() && suffix != "f" && suffix != "F" && suffix != "l" && suffix != "L")
+    return std::nullopt;
+  KernelToken token{KernelTokenKind::kNumber,
+                    is_hex ? fmt::format("{}", value) : digits.substr(0, end - digits.c_str())};
+  token.number = KernelNumber::kFloat;
+  return token;
+}
+
+// A C++ literal as APRON writes it.
+KernelToken read_number(std::string_view literal) {
+  std::string digits(literal);
+  std::erase(digits, '\'');
+  std::optional<KernelToken> token = read_integer(digits);
+  if (!token) token = read_fraction(digits);
+  if (!token) token = KernelToken{KernelTokenKind::kString, std::string(literal)};
+  token->spelling = literal;
+  return *token;
+}
+
+// The value of what stands between the quotes of a character; nothing if it is not one of ASCII.
+std::optional<int> character_value(std::string_view text) {
+  if (text.size() == 1 && text[0] > 0 && text[0] != '\\') return text[0];
+  if (text.size() != 2 || text[0] != '\\') return std::nullopt;
+  static constexpr std::string_view kNames = "abtnvfr0\\'\"?", kValues{"\a\b\t\n\v\f\r\0\\'\"?", 12};
+  const std::size_t index = kNames.find(text[1]);
+  if (index == std::string_view::npos) return std::nullopt;
+  return kValues[index];
+}
+
+// True if a comment that a slash and an asterisk begin goes on behind the text.
+bool ends_in_comment(std::string_view text) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text.substr(i).starts_with("//")) return false;
+    if (text[i] == '"' || text[i] == '\'') {
+      const std::size_t end = text.find(text[i], i + 1);
+      if (end != std::string_view::npos) i = end;
+    } else if (text.substr(i).starts_with("/*")) {
+      const std::size_t end = text.find("*/", i + 2);
+      if (end == std::string_view::npos) return true;
+      i = end + 1;
+    }
+  }
+  return false;
 }
 
 class Scanner {
@@ -52,6 +135,12 @@ class Scanner {
     tokens_.push_back({kind, std::move(text), line_, file_});
   }
 
+  void add(KernelToken token) {
+    token.line = line_;
+    token.file = file_;
+    tokens_.push_back(std::move(token));
+  }
+
   void skip(std::size_t count) {
     count = std::min(count, text_.size());
     line_ += std::count(text_.begin(), text_.begin() + count, '\n');
@@ -65,6 +154,9 @@ class Scanner {
       const bool kept = at_line_start_ && c != '\n';
       skip(1);
       at_line_start_ = at_line_start_ || kept;
+    } else if (text_.starts_with("\\\n")) {
+      skip(2);
+      at_line_start_ = false;
     } else if (text_.starts_with("//")) {
       std::size_t end = std::min(text_.find('\n'), text_.size());
       while (end < text_.size() && trim(text_.substr(0, end)).ends_with('\\'))
@@ -83,12 +175,8 @@ class Scanner {
       scan_quoted(c);
     } else if (std::isdigit(static_cast<unsigned char>(c)) != 0 ||
                (c == '.' && text_.size() > 1 && std::isdigit(static_cast<unsigned char>(text_[1])) != 0)) {
-      std::size_t end = 1;
-      while (end < text_.size() && (is_word(text_[end]) || text_[end] == '.' || text_[end] == '\'')) ++end;
-      const std::string literal(text_.substr(0, end));
-      add(KernelTokenKind::kNumber, convert_number(literal));
-      const bool is_hex = literal.starts_with("0x") || literal.starts_with("0X");
-      tokens_.back().is_unsigned = literal.find_first_of("uU", is_hex ? 2 : 0) != std::string::npos;
+      const std::size_t end = number_end(text_);
+      add(read_number(text_.substr(0, end)));
       skip(end);
     } else if (is_word(c)) {
       std::size_t end = 1;
@@ -119,7 +207,7 @@ class Scanner {
       // A comment goes on in the next line.
       logical += (logical.empty() ? "" : logical.find("//") != std::string::npos ? " " : "\n") + part;
       skip(end);
-      if (!continued || text_.empty()) break;
+      if ((!continued && !ends_in_comment(logical)) || text_.empty()) break;
       skip(1);
     }
     tokens_.push_back({KernelTokenKind::kDirective, logical, line, file_});
@@ -130,7 +218,15 @@ class Scanner {
     while (end < text_.size() && text_[end] != quote && text_[end] != '\n')
       end += text_[end] == '\\' ? 2U : 1U;
     end = std::min(end, text_.size());
-    add(KernelTokenKind::kString, std::string(text_.substr(1, end - 1)));
+    const std::string_view text = text_.substr(1, end - 1);
+    const std::optional<int> character = quote == '\'' ? character_value(text) : std::nullopt;
+    if (character) {
+      KernelToken token{KernelTokenKind::kNumber, std::to_string(*character)};
+      token.number = KernelNumber::kCharacter;
+      add(std::move(token));
+    } else {
+      add(KernelTokenKind::kString, std::string(text));
+    }
     skip(end + 1);
   }
 

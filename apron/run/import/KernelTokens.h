@@ -21,12 +21,21 @@ enum class KernelTokenKind : std::uint8_t {
   kEnd
 };
 
+// What a number's spelling says of its type.
+enum class KernelNumber : std::uint8_t {
+  kInt,
+  kUnsigned,  // with the suffix u, or not decimal and beyond int
+  kFloat,
+  kCharacter,  // 'a'
+};
+
 struct KernelToken {
   KernelTokenKind kind = KernelTokenKind::kEnd;
   std::string text;  // of a comment: its line without the slashes; of a directive: the logical line after '#'
   std::size_t line = 0;
-  std::size_t file = 0;      // of the files that the reader has opened: 0 is the kernel's own
-  bool is_unsigned = false;  // a number with the suffix u
+  std::size_t file = 0;  // of the files that the reader has opened: 0 is the kernel's own
+  KernelNumber number = KernelNumber::kInt;
+  std::string spelling{};  // of a number
 
   bool is(std::string_view symbol) const { return kind == KernelTokenKind::kPunctuator && text == symbol; }
   bool is_name(std::string_view name) const { return kind == KernelTokenKind::kName && text == name; }
@@ -37,8 +46,8 @@ struct KernelToken {
   bool closes_bracket() const { return is(")") || is("]") || is("}"); }
 };
 
-// Ends with a kEnd token. Unknown characters are punctuators of their own. Binary and digit-separated numbers
-// are rewritten as decimals, and the suffixes of integers are dropped.
+// Ends with a kEnd token. Unknown characters are punctuators of their own. Numbers are written as APRON
+// writes them, without separators of digits and suffixes; what is no number of C++ is a kString.
 std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1,
                                             std::size_t file = 0);
 

@@ -312,7 +312,7 @@ bool KernelTranslation::translate_control(const std::string& name,
     for (KernelToken& word : words)
       if (const auto known = constants_.find(word.text);
           known != constants_.end() && known->second.find_first_not_of("0123456789.") == std::string::npos)
-        word = {Kind::kNumber, known->second, word.line, word.file};
+        word = scan_kernel_source(known->second, word.line, word.file)[0];
     const bool is_known = std::ranges::all_of(words, [&](const KernelToken& word) {
       return word.kind != Kind::kName || word.is_name_of({"true", "false"}) ||
              (find_variable(word.text) != nullptr && find_variable(word.text)->constant);

@@ -111,6 +111,8 @@ class KernelTranslation {
   // Declares a variable in the innermost scope, under a name that means nothing else in the program.
   Variable& declare(const std::string& name, CppType type);
   bool is_register(const std::string& name) const;
+  // True if it was read before, or without, a declaration.
+  bool is_unset(const std::string& name) const { return unset_.contains(name); }
   // A name that is new in the program.
   std::string new_name(const std::string& stem);
   // The type that begins at i, which moves behind it; kVoid with no tokens read if there is none.
@@ -156,6 +158,26 @@ class KernelTranslation {
 
  private:
   struct Cursor;
+  // While it lives, names are those of the file, if it is asked to.
+  class FileScope {
+   public:
+    FileScope(KernelTranslation& translation, bool is_active)
+        : translation_(translation), is_active_(is_active) {
+      if (is_active_) outer_ = std::exchange(translation_.scopes_, {translation_.scopes_.front()});
+    }
+    ~FileScope() {
+      if (!is_active_) return;
+      outer_.front() = std::move(translation_.scopes_.front());
+      translation_.scopes_ = std::move(outer_);
+    }
+    FileScope(const FileScope&) = delete;
+    FileScope& operator=(const FileScope&) = delete;
+
+   private:
+    KernelTranslation& translation_;
+    bool is_active_;
+    std::vector<Scope> outer_;
+  };
   CppValue parse_assignment(Cursor&);
   CppValue parse_conditional(Cursor&);
   CppValue parse_binary(Cursor&, int least);

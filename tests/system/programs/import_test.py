@@ -31,7 +31,7 @@ FORMS = {
                         "void h(AREG y, int n){ g = 1; scamp5_in(y, n); }"
                         "int main(){ int n = 10; f(A, n); scamp5_in(B, n); f(C, g); h(D, g); f(E, n + g); scamp5_in(F, g); }",
     "narrow parameters": "void f(AREG y, uint8_t n){ scamp5_in(y, n / 3); } int main(){ f(A, 300); f(B, -1); int k = 260; f(C, k);"
-                         " f(D, k * 2.5f); }",
+                         " f(D, k * .5f); }",
     "references": "void twice(int& n){ n = n * 2; } void both(int& n, int m){ n += m; scamp5_in(B, m); n += m; }"
                   "int main(){ int n = 3; twice(n); scamp5_in(A, n); both(n, n); scamp5_in(C, n); }",
     "names of variables": "int g = 3; void f(AREG y, int n){ int& m = n; m += 2; int& k = g; k--; scamp5_in(y, n); }"
@@ -91,6 +91,10 @@ FORMS = {
     "statics": "void count(AREG y){ static int n = 3; n += 2; scamp5_in(y, n); } int main(){ static int k = 7; count(A); count(B); count(C); scamp5_in(D, k); }",
     "directions": "int main(){ scamp5_load_rect(S0, 2, 2, 3, 3); DNEWS(S1, S0, north | east); DNEWS(S2, S0, south|west, 1); DNEWS(S3, S0, alldir, true);"
                   " DNEWS(S4, S0, west); scamp5_in(A, 3); WHERE(S0); scamp5_in(A, 50); ALL(); bus(NEWS, A); bus(B, XN, XS, XE, XW); bus(C, XE, XW); }",
+    "operands of macros": "#define PUT(y, v) scamp5_in(y, v);\nint main(){ float f = 2.5f; int n = 300; PUT(A, 300) PUT(B, f) PUT(C, 2.5f) PUT(D, n) }",
+    "types of auto": "int main(){ uint8_t b = 200; auto c = b; c += 100; scamp5_in(A, c / 3); int n = 3; auto m = n++; scamp5_in(B, n * 10 + m);"
+                     " unsigned u = 3; scamp5_in(C, u + std::max(-2.5f, -0.5f) * 4); bool q = true; auto p = +q; p = 5; scamp5_in(D, p); }",
+    "comments in directives": "#define N 3 /* goes on\n res(B); */\n#define H(x) 0x##x\nint main(){ scamp5_in(A, N + \\\n 4); scamp5_in(B, H(1F)); }",
     "enumerators": "enum { FIRST = 3, SECOND, THIRD = SECOND * 2 }; enum class Mode { off, on }; const int K = THIRD + 1; constexpr int L = -K;"
                    "int main(){ scamp5_in(A, SECOND); scamp5_in(B, THIRD); scamp5_in(C, K * 2); scamp5_in(D, L); }",
     "casts": "int main(){ int n = 300; scamp5_in(A, (uint8_t)n); scamp5_in(B, static_cast<int8_t>(200)); scamp5_in(C, int(3.99f)); scamp5_in(D, (int)-3.99f);"
@@ -289,11 +293,192 @@ class Writer:
         return text + f"int main() {{ {here}{self.block(names, 0, analogue, digital)} scamp5_in(E, g0); scamp5_in(F, g1); }}\n", files
 
 
+class ArithmeticWriter:
+    """A random kernel that computes: literals of all forms, constants, scalars of all types and their conversions. A number that a
+    statement gives is in a cell of its own, 24 bits of it in A, B and C. Fractions stay below 2^24, divisors are not 0."""
+
+    KINDS = {"int": "i", "short": "i", "unsigned": "i", "uint8_t": "i", "int8_t": "i", "uint16_t": "i", "int16_t": "i", "unsigned char": "i", "char": "i",
+             "bool": "i", "float": "f", "double": "f"}
+    PUT = ("void put(int k, int v) { scamp5_load_point(R5, k / 6, k % 6); WHERE(R5); scamp5_in(A, v); scamp5_in(B, v >> 8); scamp5_in(C, v >> 16); ALL(); }\n"
+           "void put(int k, float v, int scale) { put(k, v < 9000 && v > -9000 ? (int)(v * scale) : 0); }\n")
+
+    def __init__(self, seed):
+        self.random = random.Random(f"arithmetic {seed}")
+        self.seed, self.count, self.shown = seed, 0, 0
+        self.functions = []  # name, kind of the result, kinds of the parameters
+
+    def pick(self, *choices):
+        return self.random.choice(choices)
+
+    def new(self, stem):
+        self.count += 1
+        return f"{stem}{self.seed}_{self.count}"
+
+    def whole(self):
+        number = self.pick(0, 1, 2, 3, 7, 10, 31, self.random.randint(0, 300))
+        text = self.pick(f"{number}", f"{number}", f"{number:#x}", f"0X{number:X}", f"0{number:o}", f"{number:#b}", f"0B{number:b}", f"{number + 1000:_}".replace("_", "'"))
+        return self.pick(text, text, text, text + self.pick("u", "U"), self.pick("'a'", "'Z'", "'0'", "'\\n'", "'\\0'", "'\\''", "'\"'"))
+
+    def fraction(self):
+        n = self.random.randint(0, 40)
+        return self.pick(f"{n}.f", f"{n}.", f".{n}", f".{n}f", f"{n}.25", f"{n}.7F", f"{n}e-1", f"{n}E-1f", f"{n % 9}.5e+1f", f"{n}e-3", f"{n % 9}e1f", f"{n % 9}E+1",
+                         f"0x{n:x}p-2", f"0X{n:X}P1f", f"0x1.8p+{n % 4}", f"0{n}.5", f"1'0{n}.75f")
+
+    def literal(self, kind):
+        sign = self.pick("", "", "", "-", "-", "+", "- ")
+        return sign + (self.whole() if kind == "i" else self.fraction())
+
+    def value(self, names, kind, depth=0):
+        """An expression whose type is an integer (i) or float (f)."""
+        known = [name for name, of, _ in names if of == kind]
+        draw = self.random.random()
+        if depth > 2 or draw < 0.2:
+            if known and self.random.random() < 0.65:
+                return self.random.choice(known)
+            return self.literal(kind)
+        one = lambda of=kind: self.value(names, of, depth + 1)
+        if draw < 0.26:
+            return f"{self.pick('-', '-', '+', '-', '~' if kind == 'i' else '-')}({one()})"
+        if draw < 0.30 and known:
+            return f"{self.pick('-', '- -', '+')}{self.random.choice(known)}"
+        if draw < 0.36:
+            return f"({self.condition(names, depth + 1)} ? {one()} : {one(self.pick('i', 'f') if kind == 'f' else kind)})"
+        if draw < 0.41 and (calls := [f for f in self.functions if f[1] == kind]):
+            name, _, kinds = self.random.choice(calls)
+            return f"{name}({', '.join(one(of) for of in kinds)})"
+        if draw < 0.44:
+            return f"std::{self.pick('min', 'max')}({self.pick('(float)', 'float') if kind == 'f' else self.pick('(int)', 'int')}({one()}), " \
+                   f"{'(float)' if kind == 'f' else '(int)'}({one()}))"
+        if kind == "f":
+            if draw < 0.62:
+                return f"({one()} {self.pick('+', '-')} {one()})"
+            if draw < 0.7:
+                return f"({one()} * {self.pick('0.7f', '-1.75', '-.1f', '3', '0x1p-2', '-25e-1')})"
+            if draw < 0.8:
+                return f"({one()} / {self.pick('3', '-4', '-2.5f', '.75', '1e1f', '0x1p+2', '(7 / 2)')})"
+            if draw < 0.9:
+                return f"({one('i')} % {self.pick('100', '-7')} {self.pick('*', '+', '-', '/')} {self.pick('2.f', '-0.5f', '1.5e+1f', '.3f')})"
+            return f"{self.pick('(float)', 'float', 'static_cast<float>')}({one('i')} % {self.pick('50', '-9')})"
+        if draw < 0.58:
+            return f"({one()} {self.pick('+', '-')} {one()})"
+        if draw < 0.64:
+            return f"({one()} % 99 * {self.whole()})"
+        if draw < 0.72:
+            return f"({one()} {self.pick('/', '%')} {self.pick('3', '-4', '7u', '0x10', '-1', '011')})"
+        if draw < 0.77:
+            return f"({one()} >> {self.random.randint(0, 4)})" if self.random.random() < 0.5 else f"(({one()} & 0xff) << {self.random.randint(0, 6)})"
+        if draw < 0.83:
+            return f"({one()} {self.pick('&', '|', '^')} {one()})"
+        if draw < 0.88:
+            return self.condition(names, depth + 1)
+        if draw < 0.94:
+            return f"(int)({one('f')})" if self.random.random() < 0.7 else f"static_cast<int>({one('f')})"
+        return f"({self.pick('uint8_t', 'int8_t', 'uint16_t', 'int16_t', 'unsigned', 'int', 'bool', 'short', 'unsigned char')})({one()})"
+
+    def condition(self, names, depth=0):
+        if self.random.random() < 0.2:
+            return f"!({self.value(names, self.pick('i', 'f'), depth + 1)})"
+        left = self.value(names, self.pick('i', 'f'), depth + 1)
+        if self.random.random() < 0.1:
+            return f"({left} {self.pick('&&', '||')} {self.condition(names, depth + 1)})"
+        return f"({left} {self.pick('<', '>', '<=', '>=', '==', '!=')} {self.value(names, self.pick('i', 'f'), depth + 1)})"
+
+    def show(self, name, kind):
+        if self.shown == 36:
+            return ""
+        self.shown += 1
+        return f" put({self.shown - 1}, {name});" if kind == "i" else f" put({self.shown - 1}, {name}, {self.pick(1, 64, 1000)});"
+
+    def within(self, name, kind):
+        """Keeps the number small."""
+        return f" if ({name} > 2000 || {name} < -2000) {name} = {self.literal('f')};" if kind == "f" else ""
+
+    def declaration(self, names, is_global=False):
+        word = self.pick(*self.KINDS, "int", "float", "auto")
+        name = self.new("v" if word == "int" else "n")
+        kind = self.KINDS.get(word) or self.pick("i", "f")
+        constant = self.random.random() < 0.3
+        first = self.literal(kind) if self.random.random() < 0.3 else self.value([] if is_global else names, self.pick(kind, kind, "i") if word != "auto" else kind)
+        if word in ("int", "short", "int16_t") and self.random.random() < 0.25:
+            first = f"{self.fraction()} * {self.pick('3', '1.5f', '-1')}"
+        form = f"{name} = {first}" if word == "auto" or self.random.random() < 0.7 else f"{name}({first})"
+        words = [("const " if constant else "") + f"{word} {form};"]
+        names.append((name, kind, not constant))
+        if kind == "f" and not constant and not is_global:
+            words.append(self.within(name, kind))
+        return "".join(words)
+
+    def change(self, names):
+        """An assignment to a variable."""
+        writable = [(name, kind) for name, kind, is_writable in names if is_writable]
+        if not writable:
+            return self.declaration(names)
+        name, kind = self.random.choice(writable)
+        if kind == "f":
+            text = self.pick(f"{name} {self.pick('=', '+=', '-=')} {self.value(names, self.pick('f', 'f', 'i'))};" if self.random.random() < 0.7 else f"{name} = {self.literal('f')};",
+                             f"{name} {self.pick('*=', '/=')} {self.pick('-1.5f', '.5', '3', '-2e-1f')};", f"{self.pick('++', '--')}{name};", f"{name}{self.pick('++', '--')};")
+        else:
+            text = self.pick(f"{name} {self.pick('=', '+=', '-=', '^=', '|=', '&=')} {self.value(names, 'i')};", f"{name} {self.pick('%=', '/=')} {self.pick('17', '-3', '5u')};",
+                             f"{name} {self.pick('=', '=', '+=')} {'' if name.startswith('v') else '(int)'}({self.value(names, 'f')});", f"{name} *= {self.pick('2', '-1', '3u', '1.5f', '-.5f')};",
+                             f"{name} {self.pick('<<=', '>>=')} {self.random.randint(0, 3)};", f"{name} += 1;")
+        return text + self.within(name, kind)
+
+    def statement(self, names, depth):
+        draw = self.random.random()
+        if draw < 0.3:
+            text = self.declaration(names)
+            return text + self.show(names[-1][0], names[-1][1])
+        if draw < 0.65:
+            text = self.change(names)
+            name, kind, _ = self.random.choice(names)
+            return text + self.show(name, kind)
+        if draw < 0.8 or depth > 1:
+            kind = self.pick("i", "f")
+            return self.show(self.value(names, kind), kind)
+        if draw < 0.88:
+            return f"if ({self.condition(names)}) {self.block(names, depth + 1)}" + (f" else {self.block(names, depth + 1)}" if self.random.random() < 0.5 else "")
+        name, n = self.new("k"), self.random.randint(1, 4)
+        head, kind = self.pick((f"int {name} = 0; {name} < {n}; {name}++", "i"), (f"int {name} = {n}; {name} >= -{n}; {name} -= 2", "i"), (f"uint8_t {name} = 254; {name} != {n}; ++{name}", "i"),
+                               (f"float {name} = -{n}.5f; {name} < {n}; {name} += 1.25f", "f"), (f"float {name} = {n}; {name} > -.5; {name} -= 5e-1f", "f"),
+                               (f"unsigned {name} = {n}; {name} > 0; {name}--", "i"), (f"int {name} = 0; {name} < {n} * 0.75f; {name} += 1", "i"))
+        return f"for ({head}) {self.block(names + [(name, kind, False)], depth + 1)}"
+
+    def block(self, names, depth):
+        inner = list(names)
+        return "{ " + " ".join(self.statement(inner, depth) for _ in range(self.random.randint(1, 3))) + " }"
+
+    def function(self):
+        name, word = self.new("f"), self.pick("int", "float", "uint8_t", "double", "bool", "unsigned")
+        kind = self.KINDS[word]
+        kinds = [self.pick("i", "f") for _ in range(self.random.randint(1, 2))]
+        types = [self.pick("float", "double", "const float&") if of == "f" else self.pick("int", "uint8_t", "int16_t", "bool", "unsigned") for of in kinds]
+        names = [(f"p{k}", of, False) for k, of in enumerate(kinds)]
+        parameters = ", ".join(f"{one} p{k}" for k, one in enumerate(types))
+        early = f" if ({self.condition(names, 1)}) return {self.value(names, kind, 2)};" if self.random.random() < 0.4 else ""
+        result = f"({self.value(names, kind, 1)})"
+        self.functions.append((name, kind, kinds))
+        return f"{word} {name}({parameters}) {{{early} return {result}{' / 4' if kind == 'f' else ''}; }}\n"
+
+    def kernel(self):
+        names, text = [], self.PUT
+        for _ in range(3):
+            name, kind = self.new("D"), self.pick("i", "f", "f")
+            text += f"#define {name} {self.pick(self.literal(kind), self.literal(kind), f'({self.value([], kind, 1)})')}\n"
+            names.append((name, kind, False))
+        for _ in range(3):
+            text += self.declaration(names, True) + "\n"
+        text += "".join(self.function() for _ in range(2))
+        text += "int main() {\n"
+        for _ in range(14):
+            text += f"  {self.statement(names, 0)}\n"
+        return text + "}\n", {}
+
+
 @unittest.skipUnless(shutil.which("g++"), "needs g++")
 class Import(ProgramTest):
     def compiled(self, kernels):
         """The registers that each kernel leaves, by the compiler, and None where a signed integer overflows, which C++ leaves undefined."""
-        parts = ['#include "scamp5_reference.hpp"\n#define main kernel_main\n']
+        parts = ['#include "scamp5_reference.hpp"\n#define main kernel_main\n#define double float\n']
         (self.folder / "sub").mkdir(exist_ok=True)
         for k, (_, text, files) in enumerate(kernels):
             for name, content in {**files, f"kernel{k}.cpp": text}.items():
@@ -303,12 +488,13 @@ class Import(ProgramTest):
         parts.append("#undef main\nint main() {\n" + "".join(
             f"  model::reset(); kernel{k}::kernel_main(); model::print();\n" for k in range(len(kernels))) + "}\n")
         self.write("all.cpp", "".join(parts))
-        status, _, err = self.finish(self.start("g++", "-std=c++20", "-O0", "-w", "-fsanitize=signed-integer-overflow", "-I", str(ROOT / "tests/system/programs"), "-o",
+        status, _, err = self.finish(self.start("g++", "-std=c++20", "-O0", "-w", "-fsingle-precision-constant",
+                                                "-fsanitize=signed-integer-overflow,float-cast-overflow,shift,integer-divide-by-zero", "-I", str(ROOT / "tests/system/programs"), "-o",
                                                 str(self.folder / "all"), str(self.folder / "all.cpp")))
         self.assertEqual(status, 0, err)
         status, out, err = self.finish(self.start(str(self.folder / "all")))
         self.assertEqual(status, 0, err)
-        overflows = set(re.findall(r"([\w.]+):\d+:\d+: runtime error: signed integer overflow", err))
+        overflows = set(re.findall(r"([\w.]+):\d+:\d+: runtime error: ", err))
         return [None if overflows & {f"kernel{k}.cpp", *map(os.path.basename, files)} else
                 np.array(line.split(), dtype=float).reshape(len(NAMES), SIZE, SIZE)
                 for k, (line, (_, _, files)) in enumerate(zip(out.splitlines(), kernels, strict=True))]
@@ -338,6 +524,11 @@ class Import(ProgramTest):
         seeds = program_seeds(30)
         for first in range(0, len(seeds), 50):
             self.compare([(f"seed {seed}", *Writer(seed).kernel()) for seed in seeds[first:first + 50]])
+
+    def test_random_arithmetic(self):
+        seeds = program_seeds(20)
+        for first in range(0, len(seeds), 50):
+            self.compare([(f"seed {seed}", *ArithmeticWriter(seed).kernel()) for seed in seeds[first:first + 50]])
 
     def check_status(self, text, wanted, message, files=()):
         for name, content in files:

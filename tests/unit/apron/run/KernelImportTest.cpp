@@ -300,6 +300,45 @@ TEST(KernelImport, NamesWhatItCannotTranslate) {
   EXPECT_NE(imported.program.find("\nres(C)\n"), std::string::npos);
 }
 
+TEST(KernelImport, NumbersKeepTheirFractionsAndExponents) {
+  const auto value = [](const std::string& text) {
+    const std::string program = body(import_text("int main(){ float f = " + text + "; scamp5_in(A, f); }"));
+    const std::size_t first = program.find("f = ");
+    return program.substr(first, program.find('\n', first) - first);
+  };
+  EXPECT_EQ(value("-0.5f"), "f = -0.5");
+  EXPECT_EQ(value("-(2.25f + 3)"), "f = -5.25");
+  EXPECT_EQ(value("1e-3"), "f = 1e-3");
+  EXPECT_EQ(value("2.5e+2f"), "f = 2.5e+2");
+  EXPECT_EQ(value("0x1p-2"), "f = 0.25");
+  EXPECT_EQ(value("0x1e-3"), "f = 27");
+  EXPECT_EQ(value("1'000 + 'a' + 017 + 0b11u"), "f = 1115");
+  EXPECT_EQ(value("-0.0f"), "f = 0");
+  EXPECT_EQ(notes(import_text("int main(){ scamp5_in(A, 3000000000); }")),
+            "1 host: '3000000000' does not fit int\n");
+  EXPECT_EQ(notes(import_text("int main(){ scamp5_in(A, 5_kg); }")),
+            "1 host: '5_kg' in an expression has no counterpart\n");
+}
+
+TEST(KernelImport, NamesMeanWhatTheyMeanWhereTheyStand) {
+  EXPECT_NE(import_text("#define N 3\nint f(int k){ return N + k; }\n#undef N\n#define N 5\n"
+                        "int main(){ scamp5_in(A, f(0)); scamp5_in(B, N); }")
+                .program.find("$result = N + $k"),
+            std::string::npos);
+  EXPECT_NE(
+      import_text(
+          "const int K = 3; int g(int n = K){ return n * 2; } int main(){ int K = 5; scamp5_in(A, g()); }")
+          .program.find("g(3)"),
+      std::string::npos);
+  EXPECT_NE(
+      notes(import_text("namespace x { const int k = 4; } const int k = 9; int main(){ scamp5_in(A, k); }"))
+          .find("another 'k' is declared"),
+      std::string::npos);
+  EXPECT_NE(notes(import_text("int main(){ int a = 1, b = 2; (a > b ? a : b) = 7; scamp5_in(A, b); }"))
+                .find("reaches an instruction"),
+            std::string::npos);
+}
+
 TEST(KernelImport, TranslatesInstructionLists) {
   EXPECT_EQ(body(import_text("# generated\nB = north(A)\nA = add(A, B)\nA = div2(A)\nB = addneg(A, B)\r\n")),
             "\n// generated\nnorth(B, A)\nadd(A, A, B)\ndiv2(A, A)\naddneg(B, A, B)\n");
