@@ -289,6 +289,7 @@ std::optional<Outcome> Bridge::serve_once() {
   if (frame_ready_ && !awaiting_answer_) publish();
   if (awaiting_answer_) poll_answer();
   if (passive) poll_latest();
+  if (own_frame_due_) send_own_frame();
   check_silence();
   return std::nullopt;
 }
@@ -328,6 +329,7 @@ void Bridge::on_frame() {
     line_.write(SSW_HEARTBEAT, sequence_.tick());
   }
   frame_ready_ = true;
+  if (needs_safe_frames()) own_frame_due_ = true;
 }
 
 void Bridge::publish() {
@@ -383,12 +385,30 @@ void Bridge::poll_latest() {
   const Status newest = surface_->latest_actuators();
   if (newest == Status::kControllerDead || newest == Status::kControllerClosed) {
     log_lost_controller(newest);
-  } else if (newest != Status::kOk) {
+    own_frame_due_ = true;
+  }
+  if (newest != Status::kOk) return;
+  const std::uint64_t answered = surface_->actuator_info().tick;
+  if (!may_send(answered)) return;
+  send_actuators(sequence_.tick() - static_cast<std::uint32_t>(tick_ - answered), true);
+}
+
+// Whether safe values are to be in force that the device does not report to be. It then gets them in each
+// period: any of its frames may be damaged on the line.
+bool Bridge::needs_safe_frames() const {
+  if (emergency_.active() && device_->version < 2) return true;  // later versions latch SSW_STOP_NOW
+  return surface_->actuator_info().frame == 0 && !(flags_ & SSW_SAFE);
+}
+
+// The frame in effect, which no controller has sent; it waits until the line has taken earlier bytes.
+void Bridge::send_own_frame() {
+  if (!line_.is_open() || !may_send(tick_)) {
+    own_frame_due_ = false;
     return;
   }
-  const std::uint64_t answered = newest == Status::kOk ? surface_->actuator_info().tick : tick_;
-  if (!may_send(answered)) return;
-  send_actuators(sequence_.tick() - static_cast<std::uint32_t>(tick_ - answered), newest == Status::kOk);
+  if (!flush() || line_.pending_bytes() != 0) return;
+  own_frame_due_ = false;
+  send_actuators(sequence_.tick(), false);
 }
 
 void Bridge::fill_actuators() {
@@ -409,7 +429,7 @@ void Bridge::fill_actuators() {
 // An emergency stop sends the safe values in place of an answer.
 void Bridge::send_actuators(std::uint32_t device_tick, bool is_answer) {
   fill_actuators();
-  line_.write_frame(device_tick, actuators_, is_answer && !emergency_.active());
+  if (line_.write_frame(device_tick, actuators_, is_answer && !emergency_.active())) own_frame_due_ = false;
   flush();
 }
 
@@ -437,6 +457,7 @@ std::string Bridge::answer(const std::string& command) {
       line_.write_safe_frame(sequence_.tick());
       flush();
     }
+    own_frame_due_ = false;
     return "stopped\n";
   }
   if (command == "arm") {

@@ -108,6 +108,8 @@ class Bridge {
   void poll_answer();
   void poll_latest();
   void send_actuators(std::uint32_t device_tick, bool is_answer);
+  bool needs_safe_frames() const;
+  void send_own_frame();
   void check_silence();
   void send_handshake();
   void on_line_lost(const std::string& reason);
@@ -143,6 +145,7 @@ class Bridge {
   std::uint32_t status_ = 0;      // FrameStatus of the next frame
   bool frame_ready_ = false;      // a frame waits to be published
   bool awaiting_answer_ = false;  // time-step: the last published frame is unanswered
+  bool own_frame_due_ = false;    // the device needs the frame in effect, which no controller has sent
   std::uint64_t published_tick_ = 0;
   std::uint32_t published_device_tick_ = 0;
   bool silent_ = false;

@@ -524,9 +524,19 @@ bool TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
   return board.send(frame_, static_cast<std::int64_t>(published_tick_));
 }
 
+// Boards on which safe values are to be in force, but are not reported to be, get them in each tick: any
+// frame may be damaged on the line.
 void TableBridge::keep_boards_alive() {
-  for (const auto& board : boards_)
-    if (board->accepted() && !board->silent()) board->send_heartbeat();
+  const bool is_safe = !driver_ && surface_->actuator_info().frame == 0;
+  for (const auto& board : boards_) {
+    if (!board->accepted() || board->silent()) continue;
+    const bool needs_safe_frame = (is_safe && !(board->flags() & SSW_SAFE)) ||
+                                  (emergency_.active() && board->description().version < 2);
+    if (needs_safe_frame && !board->wants_to_write())
+      board->send_safe();
+    else
+      board->send_heartbeat();
+  }
 }
 
 // ---- emergency stop and status
@@ -550,6 +560,7 @@ std::string TableBridge::answer(const std::string& command) {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     for (const auto& board : boards_) {
       if (!board->accepted()) continue;
+      board->discard_pending();
       if (board->description().version >= 2) board->send_reason(SSW_STOP_NOW, SSW_STOP_BY_HOST);
       board->send_safe();
     }
