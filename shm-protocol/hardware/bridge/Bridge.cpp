@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdio>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -75,6 +76,7 @@ Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, EventLog::P
       name_(reserve_surface(options_.surface, "--shm: ")) {}
 
 Outcome Bridge::run() {
+  control_.emplace(options_.surface);
   std::optional<Outcome> end = connect();
   if (!end) {
     create_surface();
@@ -91,6 +93,31 @@ Outcome Bridge::run() {
 
 // ---- connection
 
+// One attempt at a time, in a thread: a TCP connection may take a second. Waits a moment. Returns whether the
+// line is open.
+bool Bridge::open_line(std::string& why) {
+  constexpr auto kAttempt = kHandshakeInterval / 4;
+  try {
+    if (!opening_.valid())
+      opening_ = std::async(std::launch::async, [address = options_.port] {
+        std::string reason;
+        auto port = Port::open(address, reason);
+        return std::pair{std::move(port), std::move(reason)};
+      });
+    if (opening_.wait_for(kAttempt) != std::future_status::ready) return false;
+    auto [port, reason] = opening_.get();
+    if (port) {
+      line_.open(std::move(*port));
+      return true;
+    }
+    why = reason;
+  } catch (const std::system_error& error) {  // no thread
+    why = error.what();
+  }
+  std::this_thread::sleep_for(kAttempt);
+  return false;
+}
+
 // Opens the line and waits until the device has described itself. Returns nothing then; otherwise, after the
 // timeout, logs lost(why) and returns how the run ends.
 template <class Lost>
@@ -99,18 +126,12 @@ std::optional<Outcome> Bridge::await_device(std::optional<milliseconds> timeout,
   std::string why = options_.port.text + " does not answer";
   while (!line_.link().described()) {
     if (stop_.load()) return Outcome::kStopped;
+    serve_control();
     if (timeout && Clock::now() - start > *timeout) {
       log_.add("error: " + lost(why));
       return Outcome::kDeviceLost;
     }
-    if (!line_.is_open()) {
-      auto port = Port::open(options_.port, why);
-      if (!port) {
-        std::this_thread::sleep_for(kHandshakeInterval / 4);
-        continue;
-      }
-      line_.open(std::move(*port));
-    }
+    if (!line_.is_open() && !open_line(why)) continue;
     send_handshake();
     poll_line(kIdlePoll);
     why = options_.port.text + " is open, but " + line_.why_undescribed();
@@ -179,7 +200,6 @@ void Bridge::create_surface() {
                                static_cast<double>(c.minimum), static_cast<double>(c.maximum),
                                static_cast<double>(c.safe)});
   surface_.emplace(create_described_surface(config, "the device '" + device_->name + "'"));
-  control_.emplace(options_.surface);
   actuators_.assign(line_.link().actuator_elements(), 0.0F);
   log_.add("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
            std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
@@ -284,7 +304,7 @@ std::optional<Outcome> Bridge::serve_once() {
   const bool passive = options_.mode == Mode::kPassive;
   poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (const auto end = end_of_fault()) return end;
-  if (control_) control_->serve([this](const std::string& command) { return answer(command); });
+  serve_control();
   check_emergency_stop();
   if (frame_ready_ && !awaiting_answer_) publish();
   if (awaiting_answer_) poll_answer();
@@ -447,6 +467,11 @@ void Bridge::check_emergency_stop() {
   flush();
 }
 
+void Bridge::serve_control() {
+  control_->serve([this](const std::string& command) { return answer(command); });
+}
+
+// A device that is not there gets the stop, or its release, with its first frames.
 std::string Bridge::answer(const std::string& command) {
   if (command == "stop") {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
@@ -463,9 +488,9 @@ std::string Bridge::answer(const std::string& command) {
   if (command == "arm") {
     if (emergency_.active()) log_.add("the emergency stop is released");
     emergency_.arm();
+    if (device_ && device_->version >= 2) release_ = EmergencyStop::Release(sequence_.tick());
     if (line_.link().described() && device_->version >= 2) {
       line_.write_reason(SSW_ARM, SSW_NONE);
-      release_ = EmergencyStop::Release(sequence_.tick());
       flush();
     }
     return "armed\n";
@@ -479,17 +504,19 @@ std::string Bridge::status_text() const {
     return (flags_ & bit) ? std::string(" ") + name : "";
   };
   const ssw_status& s = line_.link().status();
-  std::string text = "device " + device_->name + " tick " + std::to_string(sequence_.tick()) + " frames " +
+  const std::string name = device_ ? device_->name : options_.port.text;
+  std::string text = "device " + name + " tick " + std::to_string(sequence_.tick()) + " frames " +
                      std::to_string(counters_.frames) + "\nemergency_stop " +
                      (emergency_.active() ? "by " + emergency_.cause() : std::string("none")) + "\nboard " +
-                     (device_->id.empty() ? device_->name : device_->id) +
-                     (!line_.is_open() ? " unplugged"
-                      : silent_        ? " silent"
-                                       : " live") +
+                     (!device_ || device_->id.empty() ? name : device_->id) +
+                     (!line_.is_open()                       ? " unplugged"
+                      : silent_ || !line_.link().described() ? " silent"
+                                                             : " live") +
                      flag(SSW_SAFE, "safe") + flag(SSW_STOPPED, "stopped") + flag(SSW_LIMITED, "limited") +
                      flag(SSW_SOFT_START, "soft_start") + " frames " + std::to_string(counters_.frames) +
                      " lost " + std::to_string(counters_.lost) + " dropped " + std::to_string(s.dropped) +
                      " clamped " + std::to_string(s.clamped) + " limited " + std::to_string(s.limited) + "\n";
+  if (!device_) return text;
   for (const DeviceChannel& c : device_->channels)
     if (!c.sensor) text += limits_text(c);
   return text;

@@ -10,9 +10,11 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "shm-protocol/hardware/bridge/ControlSocket.h"
@@ -91,6 +93,7 @@ class Bridge {
   const BridgeCounters& counters() const { return counters_; }
 
  private:
+  bool open_line(std::string& why);
   template <class Lost>
   std::optional<Outcome> await_device(std::optional<std::chrono::milliseconds> timeout, Lost lost);
   std::optional<Outcome> connect();
@@ -118,6 +121,7 @@ class Bridge {
   void send_stop();
   void fill_actuators();
   void check_emergency_stop();
+  void serve_control();
   std::string answer(const std::string& command);
   std::string status_text() const;
   bool flush();
@@ -127,6 +131,7 @@ class Bridge {
   const std::atomic<bool>& stop_;
   EventLog log_;
   DeviceLine line_;
+  std::future<std::pair<std::optional<Port>, std::string>> opening_;
   std::optional<DeviceDescription> device_;  // as first described
   std::shared_ptr<shm_protocol::SurfaceName> name_;
   std::optional<shm_protocol::SurfaceEndpoint> surface_;

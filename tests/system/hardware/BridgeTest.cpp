@@ -407,6 +407,52 @@ TEST(Bridge, AnswersThatAStopReplacesAreNotSent) {
   EXPECT_EQ(bridge.figure("answers"), 0u) << bridge.output();
 }
 
+std::string ask(const std::string& command, const std::string& name) {
+  Program asked({SURFACE_BRIDGE, command, name});
+  EXPECT_EQ(asked.wait(), 0) << asked.output();
+  return asked.output();
+}
+
+// Waits for a frame during an emergency stop.
+void await_stop(ControllerEndpoint& controller) {
+  constexpr std::uint32_t kStopped = 16;
+  do ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+  while (!(controller.sensor_info().status & kStopped) && published(controller));
+}
+
+TEST(Bridge, UnpluggedDeviceIsStoppedWhenItIsBack) {
+  const std::string name = surface_name("bridge-stop-unplugged");
+  Device device(
+      {"--pty", line_path("stop-unplugged"), "--size", kSize, "--period-ms", "5", "--unplug-for", "600"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  device.program.signal(SIGUSR2);
+  bridge.await_output("the line to the device is cut");
+  EXPECT_NE(ask("status", name).find(" unplugged "), std::string::npos);
+  EXPECT_EQ(ask("stop", name), "stopped\n");
+  const std::string status = ask("status", name);
+  EXPECT_NE(status.find("emergency_stop by the user\nboard b0 unplugged "), std::string::npos) << status;
+  await_stop(controller);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+}
+
+TEST(Bridge, AwaitedDeviceIsStoppedWhenItComes) {
+  const std::string name = surface_name("bridge-stop-awaited"), line = line_path("stop-awaited");
+  Program bridge({SURFACE_BRIDGE, line, "--shm", name, "--connect", "60"});
+  for (int status = 1; status != 0;) {  // until the bridge listens
+    Program asked({SURFACE_BRIDGE, "stop", name});
+    status = asked.wait();
+  }
+  EXPECT_NE(ask("status", name).find("emergency_stop by the user\nboard " + line + " unplugged "),
+            std::string::npos);
+  Device device({"--pty", line, "--size", kSize, "--period-ms", "5"});
+  auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  await_stop(controller);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+}
+
 TEST(Bridge, InvalidInputIsOneLineError) {
   for (const std::vector<std::string>& flags : {std::vector<std::string>{},
                                                 {"a", "b"},
