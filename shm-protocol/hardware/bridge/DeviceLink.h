@@ -105,7 +105,7 @@ class DeviceLink {
   void write_reason(std::uint8_t type, std::uint32_t reason, std::vector<std::uint8_t>& to);
   // Appends an actuator frame that answers the sensor frame of that tick. `values`: all actuator channels,
   // concatenated in the device's order; each value is clamped to its channel's range and rounded to the
-  // nearest raw value.
+  // nearest raw value within it.
   void write_frame(std::uint32_t tick, std::span<const float> values, std::vector<std::uint8_t>& to);
 
   std::size_t sensor_elements() const { return sensor_elements_; }
