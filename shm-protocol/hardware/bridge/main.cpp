@@ -58,7 +58,7 @@ constexpr const char* kUsage =
     "  --record FILE    record the session, as smartsurf record does\n"
     "  --hold           without a controller the device keeps the last frame [it gets the safe values]\n"
     "calibrate drives all cells of the table through their range and fits how each answers:\n"
-    "  -o FILE          the calibration; pictures of it go beside it, with the ending .svg\n"
+    "  -o FILE.toml     the calibration; pictures of it go beside it, with the ending .svg\n"
     "  --rest HEIGHT    all cells lie at HEIGHT, undriven since the boards were switched on: tells the "
     "sensors' "
     "zeros from\n"
@@ -106,6 +106,11 @@ struct Arguments {
   std::string output;
   hardware::CalibratorOptions calibrator;
 };
+
+// The pictures of a calibration.
+std::filesystem::path maps_file(const Arguments& arguments) {
+  return std::filesystem::path(arguments.output).replace_extension(".svg");
+}
 
 // Returns whether --help was requested and printed.
 bool read_flags(int argc, char** argv, std::vector<common::Flag> flags) {
@@ -193,9 +198,13 @@ std::optional<Arguments> parse_calibrate(int argc, char** argv) {
   if (::optind + 1 != argc) throw std::invalid_argument("calibrate needs one TABLE.toml");
   if (arguments.output.empty()) throw std::invalid_argument("calibrate needs -o FILE.toml");
   arguments.table = argv[::optind];
+  if (std::filesystem::path(arguments.output).extension() != ".toml")
+    throw std::invalid_argument("-o " + arguments.output +
+                                ": the name must end in .toml; pictures go beside it");
   std::error_code none;
-  if (std::filesystem::equivalent(*arguments.table, arguments.output, none))
-    throw std::invalid_argument("-o " + arguments.output + " is the table itself");
+  for (const auto& file : {std::filesystem::path(arguments.output), maps_file(arguments)})
+    if (std::filesystem::equivalent(*arguments.table, file, none))
+      throw std::invalid_argument("-o " + arguments.output + ": " + file.string() + " is the table itself");
   require_writable("-o", arguments.output);
   return arguments;
 }
@@ -344,8 +353,7 @@ int calibrate(const Arguments& arguments) {
   if (!calibrator.done()) return exit_status(end);
   const hardware::Calibration fitted = calibrator.fit();
   write_file(arguments.output, fitted.text());
-  write_file(std::filesystem::path(arguments.output).replace_extension(".svg"),
-             hardware::calibration_maps(fitted));
+  write_file(maps_file(arguments), hardware::calibration_maps(fitted));
   const auto adjust = hardware::cells_to_adjust(fitted, calibrator.lowest(), calibrator.highest());
   std::printf("%zu cells, %zu to be adjusted or repaired\n", fitted.cells(), adjust.size());
   if (calibrator.repeats() > 0)

@@ -463,6 +463,8 @@ TEST(Bridge, InvalidInputIsOneLineError) {
                                                 {"x", "--record", "/no/such/folder/x.h5"},
                                                 {"x", "--record", "x.csv"},
                                                 {"calibrate", "x.toml", "-o", "/"},
+                                                {"calibrate", "x.toml", "-o", "x.svg"},
+                                                {"calibrate", "x.toml", "-o", "x"},
                                                 {"--table", "x.toml", "--baud", "9600"},
                                                 {"/dev/null", "--baud", "1"},
                                                 {"x", "--mode", "fast"},
@@ -477,6 +479,31 @@ TEST(Bridge, InvalidInputIsOneLineError) {
   }
   Program help({SURFACE_BRIDGE, "--help"});
   EXPECT_EQ(help.wait(), 0);
+}
+
+TEST(Emulator, LinkReplacesNoFile) {
+  const std::string path = line_path("taken");
+  const auto refused = [&](const std::string& boards, const std::string& file) {
+    Program emulator({DEVICE_EMULATOR, "--pty", path, "--boards", boards, "--ticks", "1"});
+    EXPECT_EQ(emulator.wait(), 2);
+    EXPECT_EQ(emulator.output(), "device_emulator: error: " + file +
+                                     " exists and is no link to a pseudo-terminal; it is not replaced\n");
+    EXPECT_TRUE(std::filesystem::exists(std::filesystem::symlink_status(file)));
+  };
+  std::ofstream(path) << "precious";
+  refused("1x1", path);
+  EXPECT_EQ(std::filesystem::file_size(path), 8u);
+  const std::string second = path + "-1", link = path + "-link";
+  std::filesystem::create_symlink(path, second);
+  refused("2x1", second);
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(path + "-0"))) << "its own is gone";
+  for (const std::string target : {"/dev/pts/0", "/no/such/terminal"}) {
+    std::filesystem::create_symlink(target, link);
+    Program emulator({DEVICE_EMULATOR, "--pty", link, "--ticks", "1"});
+    EXPECT_EQ(emulator.wait(), 0) << emulator.output();
+  }
+  std::filesystem::remove(second);
+  std::filesystem::remove(path);
 }
 
 // Neither waits for the device, which is not there.
@@ -495,7 +522,7 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
         {{"--table", file}, file + ":1: name \"a b\""},
         {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
         {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
-        {{"calibrate", file, "-o", line_path("c.toml")}, file + ":1: name \"a b\""}}) {
+        {{"calibrate", file, "-o", line_path("c") + ".toml"}, file + ":1: name \"a b\""}}) {
     std::vector<std::string> words{SURFACE_BRIDGE};
     words.insert(words.end(), flags.begin(), flags.end());
     for (const char* word : {"--connect", "1"}) words.push_back(word);
