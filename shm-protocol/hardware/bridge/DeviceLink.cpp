@@ -126,7 +126,8 @@ void DeviceLink::reset() {
 }
 
 void DeviceLink::count_sequence(std::uint8_t sequence) {
-  if (has_sequence_) lost_ += static_cast<std::uint8_t>(sequence - expected_);
+  const bool is_repeated = sequence == static_cast<std::uint8_t>(expected_ - 1);
+  if (has_sequence_ && !is_repeated) lost_ += static_cast<std::uint8_t>(sequence - expected_);
   has_sequence_ = true;
   expected_ = static_cast<std::uint8_t>(sequence + 1);
 }

@@ -112,7 +112,7 @@ class DeviceLink {
   std::size_t actuator_elements() const { return actuator_elements_; }
 
   std::uint64_t damaged_packets() const { return receiver_.damaged; }
-  std::uint64_t lost_packets() const { return lost_; }  // from sequence gaps, modulo 256
+  std::uint64_t lost_packets() const { return lost_; }  // from sequence gaps, up to 254 each
 
  private:
   Event handle_packet(const ssw_packet&);

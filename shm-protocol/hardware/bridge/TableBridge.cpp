@@ -286,6 +286,7 @@ bool TableBridge::is_complete() const {
 void TableBridge::fill_planes() {
   const std::size_t cells = valid_.size();
   bool invalid = false;
+  ++filled_ticks_;
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
     const MountedBoard& mounted = map_.boards()[i];
@@ -626,8 +627,8 @@ std::string TableBridge::report() const {
     sum.silences += c.silences;
     sum.reconnections += c.reconnections;
     sum.restarts += c.restarts;
-    if (counters_.frames > 0)
-      least = std::min(least, static_cast<double>(valid_ticks_[i]) / static_cast<double>(counters_.frames));
+    if (filled_ticks_ > 0)
+      least = std::min(least, static_cast<double>(valid_ticks_[i]) / static_cast<double>(filled_ticks_));
   }
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
   char text[1024];

@@ -125,6 +125,7 @@ class TableBridge {
   std::vector<float> frame_;               // the actuators of one board
   double spread_us_ = 0;
   std::vector<std::uint64_t> valid_ticks_;
+  std::uint64_t filled_ticks_ = 0;  // also those that the controller did not get
   Quantiles close_us_, answer_us_, spread_quantiles_, phase_quantiles_;
   BridgeCounters counters_;
 };

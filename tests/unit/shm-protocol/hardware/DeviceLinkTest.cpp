@@ -202,6 +202,19 @@ TEST(DeviceLink, AbandonsFrameWithMissingPacket) {
   }
 }
 
+TEST(DeviceLink, DuplicatedPacketIsNoLoss) {
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  for (const Bytes& packet : packets_of(std::exchange(pair.up, {})))
+    for (int copy = 0; copy < 2; ++copy) pair.up.insert(pair.up.end(), packet.begin(), packet.end());
+  pair.carry();
+  EXPECT_EQ(pair.link.lost_packets(), 0u);
+  pair.device.period();
+  EXPECT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
+  EXPECT_EQ(pair.link.lost_packets(), 0u);
+}
+
 // A long run over bad lines in both directions. Nothing wrong may come through, on either side, and much
 // must.
 TEST(DeviceLink, FramesReceivedOverNoiseAreCorrect) {
