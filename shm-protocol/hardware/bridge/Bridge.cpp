@@ -80,6 +80,8 @@ Outcome Bridge::run() {
   std::optional<Outcome> end = connect();
   if (!end) {
     create_surface();
+    await_recorder();
+    has_begun_ = true;
     last_handshake_ = {};
     send_handshake();
     last_frame_ = Clock::now();
@@ -206,6 +208,17 @@ void Bridge::create_surface() {
            " us; controllers attach to '" + options_.surface + "'");
 }
 
+void Bridge::await_recorder() {
+  if (!options_.is_recorder_ready) return;
+  const auto until = Clock::now() + kRecorderPatience;
+  while (!options_.is_recorder_ready()) {
+    if (stop_.load() || !line_.is_open()) return;
+    if (Clock::now() >= until) return log_.add("the recorder is late; the first frames are not recorded");
+    serve_control();
+    poll_line(kIdlePoll);
+  }
+}
+
 // ---- line
 
 bool Bridge::flush() {
@@ -322,7 +335,7 @@ void Bridge::count_missed_deadlines(std::uint32_t missed) {
 }
 
 void Bridge::on_frame() {
-  if (!surface_) return;
+  if (!has_begun_) return;
   const SensorFrame& frame = line_.link().frame();
   const auto now = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
   const bool is_first = !sequence_.known() && counters_.frames == 0;
@@ -370,6 +383,7 @@ void Bridge::publish() {
   const double time_s = static_cast<double>(tick_) * device_->period_us * 1e-6;
   if (surface_->publish(tick_, time_s, status_) != Status::kOk) return;
   surface_->set_state(State::kRunning);
+  if (options_.is_recorder_ready) options_.is_recorder_ready();
   ++counters_.frames;
   status_ = 0;
   awaiting_answer_ = options_.mode == Mode::kTimeStep;

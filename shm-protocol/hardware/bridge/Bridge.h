@@ -10,6 +10,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <future>
 #include <memory>
 #include <optional>
@@ -45,8 +46,13 @@ struct BridgeOptions {
   std::chrono::milliseconds silence_timeout{500};     // without a sensor frame until the device is silent
   std::chrono::milliseconds connect_timeout{10'000};  // wait for the device at start-up
   std::optional<std::chrono::milliseconds> reconnect_timeout;  // wait for a lost device; nullopt: unlimited
+  // Whether the session's recorder is attached, or has ended. Asked before the device starts, which waits for
+  // it, five seconds at most, and with each frame. Empty: there is none.
+  std::function<bool()> is_recorder_ready;
   bool hold_last_frame = false;  // without a controller: keep the last frame (true) or send the safe values
 };
+
+constexpr std::chrono::seconds kRecorderPatience{5};  // until a session begins without its recorder
 
 // How long a device of that period sends no frame until it is silent: at least four periods.
 std::chrono::microseconds silence_of(const BridgeOptions&, std::uint32_t period_us);
@@ -100,6 +106,7 @@ class Bridge {
   std::optional<Outcome> reconnect();
   std::optional<Outcome> end_of_fault();
   void create_surface();
+  void await_recorder();
   std::optional<Outcome> serve_once();
   bool poll_line(std::chrono::milliseconds timeout);
   void on_event(DeviceLink::Event);
@@ -150,6 +157,7 @@ class Bridge {
   std::uint32_t status_ = 0;      // FrameStatus of the next frame
   bool frame_ready_ = false;      // a frame waits to be published
   bool awaiting_answer_ = false;  // time-step: the last published frame is unanswered
+  bool has_begun_ = false;        // frames are published
   bool own_frame_due_ = false;    // the device needs the frame in effect, which no controller has sent
   std::uint64_t published_tick_ = 0;
   std::uint32_t published_device_tick_ = 0;

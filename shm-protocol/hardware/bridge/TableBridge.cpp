@@ -78,6 +78,8 @@ Outcome TableBridge::run() {
   map_.freeze();
   if (calibration_) calibration_->require_map(map_);
   create_surface();
+  await_recorder();
+  has_begun_ = true;
   epoch_ = Board::now();
   tick_ = 1;
   while (!stop_.load() && !driver_ended_ &&
@@ -216,6 +218,15 @@ void TableBridge::create_surface() {
            std::to_string(period_us_) + " us; controllers attach to '" + config.name + "'");
 }
 
+void TableBridge::await_recorder() {
+  if (!options_.is_recorder_ready) return;
+  const auto until = Clock::now() + kRecorderPatience;
+  while (!options_.is_recorder_ready() && !stop_.load()) {
+    if (Clock::now() >= until) return log_.add("the recorder is late; the first frames are not recorded");
+    poll_lines(Board::now() + 5000);
+  }
+}
+
 // ---- lines
 
 void TableBridge::poll_lines(std::int64_t until) {
@@ -225,7 +236,7 @@ void TableBridge::poll_lines(std::int64_t until) {
   const std::int64_t reopen_us = std::max(kReopen_us, absent * kReopenEach_us);
   lines_.clear();
   for (const auto& board : boards_) {
-    board->maintain(epoch_, surface_.has_value(), reopen_us);
+    board->maintain(epoch_, has_begun_, reopen_us);
     lines_.push_back(
         {board->descriptor(), static_cast<short>(POLLIN | (board->wants_to_write() ? POLLOUT : 0)), 0});
   }
@@ -360,6 +371,7 @@ void TableBridge::close_tick() {
   published_at_ = Board::now();
   close_us_.add(static_cast<double>(published_at_ - tick_start(tick_)));
   surface_->set_state(State::kRunning);
+  if (options_.is_recorder_ready) options_.is_recorder_ready();
   ++counters_.frames;
   status_ = 0;
   published_tick_ = tick;

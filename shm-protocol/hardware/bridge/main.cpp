@@ -1,9 +1,11 @@
 // surface_bridge: the surface role for a physical device on a serial line or behind TCP.
+#include <fcntl.h>
 #include <shm_protocol/Error.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
@@ -230,13 +232,22 @@ class RecorderProcess {
     sigaddset(&term, SIGTERM);
     sigprocmask(SIG_BLOCK, &term, &before);
     const std::string parent = std::to_string(::getpid());
+    std::array<int, 2> ready{-1, -1};
+    if (::pipe2(ready.data(), O_CLOEXEC | O_NONBLOCK) != 0)
+      throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(errno));
     pid_ = ::fork();
     const int error = errno;
     if (pid_ == 0) ::signal(SIGTERM, SIG_DFL);
     sigprocmask(SIG_SETMASK, &before, nullptr);
-    if (pid_ < 0)
+    if (pid_ != 0) ::close(ready[1]);
+    ready_ = ready[0];
+    if (pid_ < 0) {
+      ::close(ready_);
       throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(error));
+    }
     if (pid_ != 0) return;
+    ::fcntl(ready[1], F_SETFD, 0);
+    ::setenv("SMARTSURF_READY", std::to_string(ready[1]).c_str(), 1);
     ::setenv("SMARTSURF_PARENT", parent.c_str(), 1);  // it may still wait for a surface that never was
     ::dup2(STDERR_FILENO, STDOUT_FILENO);
     std::error_code none;
@@ -250,14 +261,27 @@ class RecorderProcess {
   }
   ~RecorderProcess() {
     if (pid_ > 0) finish(true);
+    ::close(ready_);
   }
   RecorderProcess(const RecorderProcess&) = delete;
   RecorderProcess& operator=(const RecorderProcess&) = delete;
+
+  // Returns whether it is attached to the surface, or has ended, of which it says so.
+  bool is_ready() {
+    if (int status = 0; pid_ > 0 && !common::stop_flag() && ::waitpid(pid_, &status, WNOHANG) == pid_) {
+      pid_ = 0;
+      print_end(status, "; the session goes on");
+    }
+    char byte = 0;
+    if (!is_attached_) is_attached_ = ::read(ready_, &byte, 1) == 1;
+    return is_attached_ || pid_ == 0;
+  }
 
   // Waits for its end, from 5 s on with SIGTERM and from 10 s on with SIGKILL. Returns whether it recorded
   // all. `stop`: it may still wait for a surface that never was.
   bool finish(bool stop) {
     using std::chrono::seconds;
+    if (pid_ == 0) return false;  // it ended early
     if (stop) ::kill(pid_, SIGTERM);
     int status = 0;
     const auto begun = std::chrono::steady_clock::now();
@@ -269,11 +293,24 @@ class RecorderProcess {
       next += seconds(5);
     }
     pid_ = 0;
-    return WIFEXITED(status) && (WEXITSTATUS(status) == common::kDone || WEXITSTATUS(status) > 128);
+    const bool recorded =
+        WIFEXITED(status) && (WEXITSTATUS(status) == common::kDone || WEXITSTATUS(status) > 128);
+    if (!recorded) print_end(status, "");
+    return recorded;
   }
 
  private:
+  static void print_end(int status, const std::string& more) {
+    common::print_error_line("surface_bridge",
+                             "smartsurf record ended " +
+                                 (WIFEXITED(status) ? "with status " + std::to_string(WEXITSTATUS(status))
+                                                    : "by signal " + std::to_string(WTERMSIG(status))) +
+                                 ": the recording is not whole" + more);
+  }
+
   pid_t pid_ = 0;
+  int ready_ = -1;  // the end of a pipe that says that it is attached
+  bool is_attached_ = false;
 };
 
 int exit_status(hardware::Outcome end) {
@@ -310,6 +347,8 @@ std::optional<hardware::TableSpec> await_table(const Arguments& arguments) {
 
 int serve(const Arguments& arguments) {
   std::optional<RecorderProcess> recorder;
+  BridgeOptions options = arguments.bridge;
+  if (arguments.record) options.is_recorder_ready = [&] { return recorder->is_ready(); };
   const auto start_recorder = [&](const std::string& surface) {
     if (arguments.record) recorder.emplace(surface, *arguments.record);
   };
@@ -323,12 +362,12 @@ int serve(const Arguments& arguments) {
     std::optional<hardware::TableSpec> table = await_table(arguments);
     if (!table) return exit_status(hardware::Outcome::kStopped);
     if (arguments.calibration) table->calibration = *arguments.calibration;
-    hardware::TableBridge bridge(*table, arguments.bridge, common::catch_stop_signals(), print_event);
+    hardware::TableBridge bridge(*table, options, common::catch_stop_signals(), print_event);
     start_recorder(arguments.bridge.surface.empty() ? table->name : arguments.bridge.surface);
     const hardware::Outcome end = bridge.run();
     return finish(end, bridge.served(), bridge.report());
   }
-  Bridge bridge(arguments.bridge, common::catch_stop_signals(), print_event);
+  Bridge bridge(options, common::catch_stop_signals(), print_event);
   start_recorder(arguments.bridge.surface);
   const hardware::Outcome end = bridge.run();
   return finish(end, bridge.counters().frames != 0, report(bridge.counters()));
