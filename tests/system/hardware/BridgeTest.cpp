@@ -423,7 +423,7 @@ void await_stop(ControllerEndpoint& controller) {
 TEST(Bridge, UnpluggedDeviceIsStoppedWhenItIsBack) {
   const std::string name = surface_name("bridge-stop-unplugged");
   Device device(
-      {"--pty", line_path("stop-unplugged"), "--size", kSize, "--period-ms", "5", "--unplug-for", "600"});
+      {"--pty", line_path("stop-unplugged"), "--size", kSize, "--period-ms", "5", "--unplug-for", "1000"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
   auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
   device.program.signal(SIGUSR2);
