@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 #include <shm_protocol/ObserverEndpoint.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <thread>
@@ -13,6 +15,7 @@
 
 #include "common/process/ExitStatus.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Number.h"
 #include "common/text/Printable.h"
 #include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/record/Recorder.h"
@@ -28,6 +31,18 @@ using shm_protocol::Status;
 using std::chrono::steady_clock;
 
 constexpr std::uint64_t kUnknown = std::numeric_limits<std::uint64_t>::max();
+
+// Tells the process that waits for this one, at the other end of the pipe SMARTSURF_READY, that it is
+// attached.
+void report_ready() {
+  const char* const text = std::getenv("SMARTSURF_READY");
+  int pipe = -1;
+  if (text && common::parse_number(std::string(text), pipe) && pipe > STDERR_FILENO) {
+    (void)!::write(pipe, "r", 1);
+    ::close(pipe);
+  }
+  ::unsetenv("SMARTSURF_READY");
+}
 
 std::uint64_t host_ns() {
   const auto since = std::chrono::system_clock::now().time_since_epoch();
@@ -189,6 +204,7 @@ class LiveRecording {
   explicit LiveRecording(const LiveRecordingOptions& options, ObserverEndpoint observer)
       : options_(options),
         observer_(std::move(observer)),
+        published_before_(observer_.published(Direction::kSensor)),
         spec_(scene_of(observer_.description())),
         sensors_(observer_.description(), Direction::kSensor),
         actuators_(observer_.description(), Direction::kActuator),
@@ -258,7 +274,9 @@ class LiveRecording {
   void begin_frame(const Arrival& when) {
     const shm_protocol::FrameInfo& info = observer_.info(Direction::kSensor);
     // Numbers of frames only grow: a surface that restarts is another session, which ends this observer.
-    lost_ = last_frame_ == 0 ? 0 : info.frame - last_frame_ - 1;
+    // All since the recorder attached, whose number has 32 bits, are expected.
+    const auto since = static_cast<std::uint32_t>(info.frame) - published_before_;
+    lost_ = last_frame_ != 0 ? info.frame - last_frame_ - 1 : since == 0 ? 0 : since - 1;
     last_frame_ = info.frame;
     lost_frames_ += lost_;
     sensors_.copy(observer_);
@@ -333,6 +351,7 @@ class LiveRecording {
 
   const LiveRecordingOptions& options_;
   ObserverEndpoint observer_;
+  std::uint32_t published_before_;  // the last frame before the recorder attached
   scene::SceneSpec spec_;
   Planes sensors_, actuators_;
   Boards boards_;
@@ -366,7 +385,9 @@ int record_live_surface(const LiveRecordingOptions& options) {
         throw scene::InputError(std::string("record: ") + e.what());
     }
   }
-  return LiveRecording(options, std::move(*observer)).run();
+  LiveRecording recording(options, std::move(*observer));
+  report_ready();
+  return recording.run();
 }
 
 }  // namespace smartsurf::run

@@ -90,6 +90,7 @@ class Board {
   // false if the board gets none.
   bool send(std::span<const float> values, std::int64_t tick);
   void send_safe();
+  void discard_pending() { line_.discard_pending(); }
   void send_heartbeat();
   void send_reason(std::uint8_t type, std::uint32_t reason);
   void send_stop();

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdio>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -75,9 +76,12 @@ Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, EventLog::P
       name_(reserve_surface(options_.surface, "--shm: ")) {}
 
 Outcome Bridge::run() {
+  control_.emplace(options_.surface);
   std::optional<Outcome> end = connect();
   if (!end) {
     create_surface();
+    await_recorder();
+    has_begun_ = true;
     last_handshake_ = {};
     send_handshake();
     last_frame_ = Clock::now();
@@ -91,6 +95,31 @@ Outcome Bridge::run() {
 
 // ---- connection
 
+// One attempt at a time, in a thread: a TCP connection may take a second. Waits a moment. Returns whether the
+// line is open.
+bool Bridge::open_line(std::string& why) {
+  constexpr auto kAttempt = kHandshakeInterval / 4;
+  try {
+    if (!opening_.valid())
+      opening_ = std::async(std::launch::async, [address = options_.port] {
+        std::string reason;
+        auto port = Port::open(address, reason);
+        return std::pair{std::move(port), std::move(reason)};
+      });
+    if (opening_.wait_for(kAttempt) != std::future_status::ready) return false;
+    auto [port, reason] = opening_.get();
+    if (port) {
+      line_.open(std::move(*port));
+      return true;
+    }
+    why = reason;
+  } catch (const std::system_error& error) {  // no thread
+    why = error.what();
+  }
+  std::this_thread::sleep_for(kAttempt);
+  return false;
+}
+
 // Opens the line and waits until the device has described itself. Returns nothing then; otherwise, after the
 // timeout, logs lost(why) and returns how the run ends.
 template <class Lost>
@@ -99,18 +128,12 @@ std::optional<Outcome> Bridge::await_device(std::optional<milliseconds> timeout,
   std::string why = options_.port.text + " does not answer";
   while (!line_.link().described()) {
     if (stop_.load()) return Outcome::kStopped;
+    serve_control();
     if (timeout && Clock::now() - start > *timeout) {
       log_.add("error: " + lost(why));
       return Outcome::kDeviceLost;
     }
-    if (!line_.is_open()) {
-      auto port = Port::open(options_.port, why);
-      if (!port) {
-        std::this_thread::sleep_for(kHandshakeInterval / 4);
-        continue;
-      }
-      line_.open(std::move(*port));
-    }
+    if (!line_.is_open() && !open_line(why)) continue;
     send_handshake();
     poll_line(kIdlePoll);
     why = options_.port.text + " is open, but " + line_.why_undescribed();
@@ -179,11 +202,21 @@ void Bridge::create_surface() {
                                static_cast<double>(c.minimum), static_cast<double>(c.maximum),
                                static_cast<double>(c.safe)});
   surface_.emplace(create_described_surface(config, "the device '" + device_->name + "'"));
-  control_.emplace(options_.surface);
   actuators_.assign(line_.link().actuator_elements(), 0.0F);
   log_.add("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
            std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
            " us; controllers attach to '" + options_.surface + "'");
+}
+
+void Bridge::await_recorder() {
+  if (!options_.is_recorder_ready) return;
+  const auto until = Clock::now() + kRecorderPatience;
+  while (!options_.is_recorder_ready()) {
+    if (stop_.load() || !line_.is_open()) return;
+    if (Clock::now() >= until) return log_.add("the recorder is late; the first frames are not recorded");
+    serve_control();
+    poll_line(kIdlePoll);
+  }
 }
 
 // ---- line
@@ -284,11 +317,12 @@ std::optional<Outcome> Bridge::serve_once() {
   const bool passive = options_.mode == Mode::kPassive;
   poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (const auto end = end_of_fault()) return end;
-  if (control_) control_->serve([this](const std::string& command) { return answer(command); });
+  serve_control();
   check_emergency_stop();
   if (frame_ready_ && !awaiting_answer_) publish();
   if (awaiting_answer_) poll_answer();
   if (passive) poll_latest();
+  if (own_frame_due_) send_own_frame();
   check_silence();
   return std::nullopt;
 }
@@ -301,7 +335,7 @@ void Bridge::count_missed_deadlines(std::uint32_t missed) {
 }
 
 void Bridge::on_frame() {
-  if (!surface_) return;
+  if (!has_begun_) return;
   const SensorFrame& frame = line_.link().frame();
   const auto now = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now().time_since_epoch());
   const bool is_first = !sequence_.known() && counters_.frames == 0;
@@ -328,6 +362,7 @@ void Bridge::on_frame() {
     line_.write(SSW_HEARTBEAT, sequence_.tick());
   }
   frame_ready_ = true;
+  if (needs_safe_frames()) own_frame_due_ = true;
 }
 
 void Bridge::publish() {
@@ -348,6 +383,7 @@ void Bridge::publish() {
   const double time_s = static_cast<double>(tick_) * device_->period_us * 1e-6;
   if (surface_->publish(tick_, time_s, status_) != Status::kOk) return;
   surface_->set_state(State::kRunning);
+  if (options_.is_recorder_ready) options_.is_recorder_ready();
   ++counters_.frames;
   status_ = 0;
   awaiting_answer_ = options_.mode == Mode::kTimeStep;
@@ -383,12 +419,30 @@ void Bridge::poll_latest() {
   const Status newest = surface_->latest_actuators();
   if (newest == Status::kControllerDead || newest == Status::kControllerClosed) {
     log_lost_controller(newest);
-  } else if (newest != Status::kOk) {
+    own_frame_due_ = true;
+  }
+  if (newest != Status::kOk) return;
+  const std::uint64_t answered = surface_->actuator_info().tick;
+  if (!may_send(answered)) return;
+  send_actuators(sequence_.tick() - static_cast<std::uint32_t>(tick_ - answered), true);
+}
+
+// Whether safe values are to be in force that the device does not report to be. It then gets them in each
+// period: any of its frames may be damaged on the line.
+bool Bridge::needs_safe_frames() const {
+  if (emergency_.active() && device_->version < 2) return true;  // later versions latch SSW_STOP_NOW
+  return surface_->actuator_info().frame == 0 && !(flags_ & SSW_SAFE);
+}
+
+// The frame in effect, which no controller has sent; it waits until the line has taken earlier bytes.
+void Bridge::send_own_frame() {
+  if (!line_.is_open() || !may_send(tick_)) {
+    own_frame_due_ = false;
     return;
   }
-  const std::uint64_t answered = newest == Status::kOk ? surface_->actuator_info().tick : tick_;
-  if (!may_send(answered)) return;
-  send_actuators(sequence_.tick() - static_cast<std::uint32_t>(tick_ - answered), newest == Status::kOk);
+  if (!flush() || line_.pending_bytes() != 0) return;
+  own_frame_due_ = false;
+  send_actuators(sequence_.tick(), false);
 }
 
 void Bridge::fill_actuators() {
@@ -409,7 +463,7 @@ void Bridge::fill_actuators() {
 // An emergency stop sends the safe values in place of an answer.
 void Bridge::send_actuators(std::uint32_t device_tick, bool is_answer) {
   fill_actuators();
-  line_.write_frame(device_tick, actuators_, is_answer && !emergency_.active());
+  if (line_.write_frame(device_tick, actuators_, is_answer && !emergency_.active())) own_frame_due_ = false;
   flush();
 }
 
@@ -427,6 +481,11 @@ void Bridge::check_emergency_stop() {
   flush();
 }
 
+void Bridge::serve_control() {
+  control_->serve([this](const std::string& command) { return answer(command); });
+}
+
+// A device that is not there gets the stop, or its release, with its first frames.
 std::string Bridge::answer(const std::string& command) {
   if (command == "stop") {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
@@ -437,14 +496,15 @@ std::string Bridge::answer(const std::string& command) {
       line_.write_safe_frame(sequence_.tick());
       flush();
     }
+    own_frame_due_ = false;
     return "stopped\n";
   }
   if (command == "arm") {
     if (emergency_.active()) log_.add("the emergency stop is released");
     emergency_.arm();
+    if (device_ && device_->version >= 2) release_ = EmergencyStop::Release(sequence_.tick());
     if (line_.link().described() && device_->version >= 2) {
       line_.write_reason(SSW_ARM, SSW_NONE);
-      release_ = EmergencyStop::Release(sequence_.tick());
       flush();
     }
     return "armed\n";
@@ -458,17 +518,19 @@ std::string Bridge::status_text() const {
     return (flags_ & bit) ? std::string(" ") + name : "";
   };
   const ssw_status& s = line_.link().status();
-  std::string text = "device " + device_->name + " tick " + std::to_string(sequence_.tick()) + " frames " +
+  const std::string name = device_ ? device_->name : options_.port.text;
+  std::string text = "device " + name + " tick " + std::to_string(sequence_.tick()) + " frames " +
                      std::to_string(counters_.frames) + "\nemergency_stop " +
                      (emergency_.active() ? "by " + emergency_.cause() : std::string("none")) + "\nboard " +
-                     (device_->id.empty() ? device_->name : device_->id) +
-                     (!line_.is_open() ? " unplugged"
-                      : silent_        ? " silent"
-                                       : " live") +
+                     (!device_ || device_->id.empty() ? name : device_->id) +
+                     (!line_.is_open()                       ? " unplugged"
+                      : silent_ || !line_.link().described() ? " silent"
+                                                             : " live") +
                      flag(SSW_SAFE, "safe") + flag(SSW_STOPPED, "stopped") + flag(SSW_LIMITED, "limited") +
                      flag(SSW_SOFT_START, "soft_start") + " frames " + std::to_string(counters_.frames) +
                      " lost " + std::to_string(counters_.lost) + " dropped " + std::to_string(s.dropped) +
                      " clamped " + std::to_string(s.clamped) + " limited " + std::to_string(s.limited) + "\n";
+  if (!device_) return text;
   for (const DeviceChannel& c : device_->channels)
     if (!c.sensor) text += limits_text(c);
   return text;

@@ -10,9 +10,12 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "shm-protocol/hardware/bridge/ControlSocket.h"
@@ -43,8 +46,13 @@ struct BridgeOptions {
   std::chrono::milliseconds silence_timeout{500};     // without a sensor frame until the device is silent
   std::chrono::milliseconds connect_timeout{10'000};  // wait for the device at start-up
   std::optional<std::chrono::milliseconds> reconnect_timeout;  // wait for a lost device; nullopt: unlimited
+  // Whether the session's recorder is attached, or has ended. Asked before the device starts, which waits for
+  // it, five seconds at most, and with each frame. Empty: there is none.
+  std::function<bool()> is_recorder_ready;
   bool hold_last_frame = false;  // without a controller: keep the last frame (true) or send the safe values
 };
+
+constexpr std::chrono::seconds kRecorderPatience{5};  // until a session begins without its recorder
 
 // How long a device of that period sends no frame until it is silent: at least four periods.
 std::chrono::microseconds silence_of(const BridgeOptions&, std::uint32_t period_us);
@@ -91,12 +99,14 @@ class Bridge {
   const BridgeCounters& counters() const { return counters_; }
 
  private:
+  bool open_line(std::string& why);
   template <class Lost>
   std::optional<Outcome> await_device(std::optional<std::chrono::milliseconds> timeout, Lost lost);
   std::optional<Outcome> connect();
   std::optional<Outcome> reconnect();
   std::optional<Outcome> end_of_fault();
   void create_surface();
+  void await_recorder();
   std::optional<Outcome> serve_once();
   bool poll_line(std::chrono::milliseconds timeout);
   void on_event(DeviceLink::Event);
@@ -108,6 +118,8 @@ class Bridge {
   void poll_answer();
   void poll_latest();
   void send_actuators(std::uint32_t device_tick, bool is_answer);
+  bool needs_safe_frames() const;
+  void send_own_frame();
   void check_silence();
   void send_handshake();
   void on_line_lost(const std::string& reason);
@@ -116,6 +128,7 @@ class Bridge {
   void send_stop();
   void fill_actuators();
   void check_emergency_stop();
+  void serve_control();
   std::string answer(const std::string& command);
   std::string status_text() const;
   bool flush();
@@ -125,6 +138,7 @@ class Bridge {
   const std::atomic<bool>& stop_;
   EventLog log_;
   DeviceLine line_;
+  std::future<std::pair<std::optional<Port>, std::string>> opening_;
   std::optional<DeviceDescription> device_;  // as first described
   std::shared_ptr<shm_protocol::SurfaceName> name_;
   std::optional<shm_protocol::SurfaceEndpoint> surface_;
@@ -143,6 +157,8 @@ class Bridge {
   std::uint32_t status_ = 0;      // FrameStatus of the next frame
   bool frame_ready_ = false;      // a frame waits to be published
   bool awaiting_answer_ = false;  // time-step: the last published frame is unanswered
+  bool has_begun_ = false;        // frames are published
+  bool own_frame_due_ = false;    // the device needs the frame in effect, which no controller has sent
   std::uint64_t published_tick_ = 0;
   std::uint32_t published_device_tick_ = 0;
   bool silent_ = false;

@@ -69,7 +69,7 @@ Calibration::Place read_place(const TomlReader& reader, const toml::table& table
 // Calls use(cell, value) for each number of a matrix of the table's size.
 template <class Use>
 void read_map(const TomlReader& reader, const toml::table& section, const std::string& where, const char* key,
-              const Calibration& c, double most, Use use) {
+              const Calibration& c, double most, const std::string& possible, Use use) {
   const toml::node* node = section.get(key);
   if (!node) reader.fail(TomlReader::line_of(section), where + key + " is missing: a row of numbers per row");
   const auto wrong = [&](std::size_t line, const std::string& what) {
@@ -92,11 +92,17 @@ void read_map(const TomlReader& reader, const toml::table& section, const std::s
         reader.fail(TomlReader::line_of(value), where + key + " of row " + std::to_string(cell / c.columns) +
                                                     ", column " + std::to_string(cell % c.columns) + " is " +
                                                     (v ? number(*v) : std::string("not a number")) +
-                                                    ", must be a number from -" + number(most) + " to " +
-                                                    number(most));
+                                                    ", must be " + possible);
       use(cell++, *v, TomlReader::line_of(value));
     }
   }
+}
+
+std::vector<std::string_view> keys_of_file() {
+  std::vector<std::string_view> keys{"format",    "table", "actuator", "sensor", "unit",
+                                     "period_us", "rest",  "size",     "board",  "state"};
+  for (const CellParameter& parameter : kCellParameters) keys.push_back(parameter.name);
+  return keys;
 }
 
 const toml::table& section_of(const TomlReader& reader, const toml::table& file, const char* name) {
@@ -127,6 +133,7 @@ Calibration Calibration::read(const std::filesystem::path& path) {
   for (const auto& [key, node] : file) c.lines[std::string(key.str())] = key.source().begin.line;
   if (reader.need<std::string>(file, "", "format", "\"smartsurf calibration 1\"") != kFormat)
     reader.fail(TomlReader::line_of(*file.get("format")), std::string("format must be \"") + kFormat + "\"");
+  reader.allow(file, "", keys_of_file());
   c.table = reader.need<std::string>(file, "", "table", "a text");
   c.actuator = reader.need<std::string>(file, "", "actuator", "a text");
   c.sensor = reader.need<std::string>(file, "", "sensor", "a text");
@@ -145,6 +152,7 @@ Calibration Calibration::read(const std::filesystem::path& path) {
 
   // Before the planes are made: a row that the file has limits what it can ask for.
   const toml::table& states = section_of(reader, file, "state");
+  reader.allow(states, "state: ", {"value"});
   const toml::node* first = states.get("value");
   if (!first || !first->is_array() || first->as_array()->size() != c.rows)
     reader.fail(TomlReader::line_of(states), "state: value must have " + std::to_string(c.rows) + " rows");
@@ -152,15 +160,19 @@ Calibration Calibration::read(const std::filesystem::path& path) {
     reader.fail(TomlReader::line_of(*first),
                 "state: value must have " + std::to_string(c.columns) + " columns");
   c.fits.resize(c.cells());
-  read_map(reader, states, "state: ", "value", c, 2, [&](std::size_t cell, double v, std::size_t line) {
-    if (v != std::floor(v) || v < 0) reader.fail(line, "state: " + number(v) + " must be 0, 1 or 2");
-    c.fits[cell].state = static_cast<CellState>(static_cast<int>(v));
-  });
+  constexpr const char* kStates = "0, 1 or 2";
+  read_map(reader, states, "state: ", "value", c, 2, kStates,
+           [&](std::size_t cell, double v, std::size_t line) {
+             if (v != std::floor(v) || v < 0)
+               reader.fail(line, "state: " + number(v) + " must be " + kStates);
+             c.fits[cell].state = static_cast<CellState>(static_cast<int>(v));
+           });
+  const std::string possible = "a number from -" + number(kMaxValue) + " to " + number(kMaxValue);
   for (std::size_t p = 0; p < CellFit::kCount; ++p) {
     const std::string where = std::string(kCellParameters[p].name) + ": ";
     const toml::table& section = section_of(reader, file, kCellParameters[p].name);
     reader.allow(section, where, {"value", "error"});
-    read_map(reader, section, where, "value", c, kMaxValue,
+    read_map(reader, section, where, "value", c, kMaxValue, possible,
              [&](std::size_t cell, double v, std::size_t line) {
                if (p == CellFit::kSlope && std::abs(v) < kMinSlope)
                  reader.fail(line, "slope: " + number(v) + " must be at least 0.1, or at most -0.1");
@@ -168,7 +180,7 @@ Calibration Calibration::read(const std::filesystem::path& path) {
                  reader.fail(line, where + number(v) + " must not be negative");
                c.fits[cell].value[p] = v;
              });
-    read_map(reader, section, where, "error", c, kMaxValue,
+    read_map(reader, section, where, "error", c, kMaxValue, possible,
              [&](std::size_t cell, double v, std::size_t line) {
                if (v < 0) reader.fail(line, where + "error " + number(v) + " must not be negative");
                c.fits[cell].error[p] = v;

@@ -4,7 +4,9 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
+#include <utility>
 
 namespace hardware {
 namespace {
@@ -18,6 +20,30 @@ std::string text_of(const char (&padded)[N]) {
 
 std::string number(float value) { return std::to_string(value); }
 
+std::string short_number(float value) {
+  char digits[32];
+  std::snprintf(digits, sizeof digits, "%g", static_cast<double>(value));
+  return digits;
+}
+
+// Of an actuator with raw numbers: what it describes must be what it can do.
+std::string validate_raw_range(const ssw_channel& c) {
+  const float most = ssw_most_raw(c.dtype);
+  const std::string possible = std::string("the ") + (c.dtype == SSW_U16 ? "u16" : "u8") + " of scale " +
+                               short_number(c.scale) + " reach from " + short_number(c.offset) + " to " +
+                               short_number(c.offset + c.scale * most);
+  for (const auto& [field, value] :
+       {std::pair{"minimum", c.minimum}, {"maximum", c.maximum}, {"safe value", c.safe}}) {
+    const float raw = (value - c.offset) / c.scale, error = ssw_raw_error(&c, value);
+    if (!(raw >= -error && raw <= most + error))
+      return std::string("the ") + field + " " + short_number(value) + " cannot be expressed: " + possible;
+  }
+  if (const ssw_raw_range range = ssw_get_raw_range(&c); range.lowest > range.highest)
+    return "the range " + short_number(c.minimum) + " … " + short_number(c.maximum) +
+           " has no value that can be expressed: " + possible;
+  return {};
+}
+
 // Returns the error, or "" if the channel is valid.
 std::string validate_channel(const ssw_channel& c) {
   if (c.direction != SSW_SENSOR && c.direction != SSW_ACTUATOR) return "unknown direction";
@@ -30,7 +56,7 @@ std::string validate_channel(const ssw_channel& c) {
     return "the scale " + number(c.scale) + " must be finite and above 0";
   if (!std::isfinite(c.offset)) return "the offset " + number(c.offset) + " must be finite";
   if (c.dtype == SSW_F32 && (c.scale != 1 || c.offset != 0)) return "an f32 channel has scale 1 and offset 0";
-  return {};
+  return c.direction == SSW_ACTUATOR && c.dtype != SSW_F32 ? validate_raw_range(c) : "";
 }
 
 float value_at(const DeviceChannel& c, const std::uint8_t* from) {
@@ -48,14 +74,24 @@ float within(const DeviceChannel& c, float value) {
   return std::isnan(value) ? c.safe : std::clamp(value, c.minimum, c.maximum);
 }
 
-float raw_value(const DeviceChannel& c, float value) {
-  return std::clamp(std::round((within(c, value) - c.offset) / c.scale), 0.0F,
-                    c.dtype == SSW_U16 ? 65535.0F : 255.0F);
+ssw_raw_range raw_range(const DeviceChannel& c) {
+  ssw_channel channel{};
+  channel.dtype = c.dtype;
+  channel.minimum = c.minimum;
+  channel.maximum = c.maximum;
+  channel.scale = c.scale;
+  channel.offset = c.offset;
+  return ssw_get_raw_range(&channel);
 }
 
-void put_value(const DeviceChannel& c, float value, std::uint8_t* to) {
+// The nearest raw number within the range.
+float raw_value(const DeviceChannel& c, const ssw_raw_range& range, float value) {
+  return std::clamp(std::round((within(c, value) - c.offset) / c.scale), range.lowest, range.highest);
+}
+
+void put_value(const DeviceChannel& c, const ssw_raw_range& range, float value, std::uint8_t* to) {
   if (c.dtype == SSW_F32) return ssw_put_f32(to, within(c, value));
-  const float raw = raw_value(c, value);
+  const float raw = raw_value(c, range, value);
   if (c.dtype == SSW_U16) return ssw_put_u16(to, static_cast<std::uint16_t>(raw));
   *to = static_cast<std::uint8_t>(raw);
 }
@@ -63,7 +99,7 @@ void put_value(const DeviceChannel& c, float value, std::uint8_t* to) {
 }  // namespace
 
 float rounded(const DeviceChannel& c, float value) {
-  return c.dtype == SSW_F32 ? within(c, value) : c.offset + c.scale * raw_value(c, value);
+  return c.dtype == SSW_F32 ? within(c, value) : c.offset + c.scale * raw_value(c, raw_range(c), value);
 }
 
 bool DeviceChannel::is_compatible_with(const DeviceChannel& o) const {
@@ -90,7 +126,8 @@ void DeviceLink::reset() {
 }
 
 void DeviceLink::count_sequence(std::uint8_t sequence) {
-  if (has_sequence_) lost_ += static_cast<std::uint8_t>(sequence - expected_);
+  const bool is_repeated = sequence == static_cast<std::uint8_t>(expected_ - 1);
+  if (has_sequence_ && !is_repeated) lost_ += static_cast<std::uint8_t>(sequence - expected_);
   has_sequence_ = true;
   expected_ = static_cast<std::uint8_t>(sequence + 1);
 }
@@ -336,13 +373,14 @@ void DeviceLink::write_frame(std::uint32_t tick, std::span<const float> values,
     const DeviceChannel& c = description_.channels[index];
     if (c.sensor) continue;
     const std::size_t size = ssw_dtype_bytes(c.dtype);
+    const ssw_raw_range range = raw_range(c);
     for (std::size_t first = 0; first < c.elements;) {
       const std::size_t count = std::min<std::size_t>(c.elements - first, SSW_MAX_DATA / size);
       payload[0] = static_cast<std::uint8_t>(index);
       payload[1] = 0;
       ssw_put_u32(&payload[2], static_cast<std::uint32_t>(first));
       for (std::size_t i = 0; i < count; ++i)
-        put_value(c, values[c.first_element + first + i], &payload[SSW_DATA_HEADER + i * size]);
+        put_value(c, range, values[c.first_element + first + i], &payload[SSW_DATA_HEADER + i * size]);
       append({SSW_ACTUATOR_DATA, sequence_++, tick, payload.data(), SSW_DATA_HEADER + count * size}, to);
       first += count;
     }

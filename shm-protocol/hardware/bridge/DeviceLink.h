@@ -105,14 +105,14 @@ class DeviceLink {
   void write_reason(std::uint8_t type, std::uint32_t reason, std::vector<std::uint8_t>& to);
   // Appends an actuator frame that answers the sensor frame of that tick. `values`: all actuator channels,
   // concatenated in the device's order; each value is clamped to its channel's range and rounded to the
-  // nearest raw value.
+  // nearest raw value within it.
   void write_frame(std::uint32_t tick, std::span<const float> values, std::vector<std::uint8_t>& to);
 
   std::size_t sensor_elements() const { return sensor_elements_; }
   std::size_t actuator_elements() const { return actuator_elements_; }
 
   std::uint64_t damaged_packets() const { return receiver_.damaged; }
-  std::uint64_t lost_packets() const { return lost_; }  // from sequence gaps, modulo 256
+  std::uint64_t lost_packets() const { return lost_; }  // from sequence gaps, up to 254 each
 
  private:
   Event handle_packet(const ssw_packet&);

@@ -10,6 +10,7 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -110,13 +111,16 @@ bool is_only_busy(int error) { return error == EAGAIN || error == EWOULDBLOCK ||
 
 }  // namespace
 
+bool PortAddress::is_usual_speed(std::int64_t baud) {
+  return std::ranges::any_of(kSpeeds, [&](const Speed& s) { return s.baud == baud; });
+}
+
 PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
   PortAddress name;
   name.text = text;
   name.baud = baud;
-  if (!speed_of(baud))
-    throw std::invalid_argument("--baud: " + std::to_string(baud) +
-                                " is not a usual speed; 9600, 115200, 921600 and 4000000 are some");
+  if (!is_usual_speed(baud))
+    throw std::invalid_argument("--baud: " + std::to_string(baud) + " is not a usual speed; " + kUsualSpeeds);
   if (text.empty()) throw std::invalid_argument("the device is missing: a serial line or tcp:HOST:PORT");
   if (!text.starts_with("tcp:")) {
     // What is not there yet may be plugged in later.

@@ -17,6 +17,8 @@ struct PortAddress {
   unsigned baud = 115200;
 
   bool tcp() const { return !service.empty(); }
+  static constexpr const char* kUsualSpeeds = "9600, 115200, 921600 and 4000000 are some";
+  static bool is_usual_speed(std::int64_t baud);
   // Throws std::invalid_argument with a one-line message if `text` is not a valid address.
   static PortAddress parse(const std::string& text, unsigned baud);
 };

@@ -78,6 +78,8 @@ Outcome TableBridge::run() {
   map_.freeze();
   if (calibration_) calibration_->require_map(map_);
   create_surface();
+  await_recorder();
+  has_begun_ = true;
   epoch_ = Board::now();
   tick_ = 1;
   while (!stop_.load() && !driver_ended_ &&
@@ -216,6 +218,15 @@ void TableBridge::create_surface() {
            std::to_string(period_us_) + " us; controllers attach to '" + config.name + "'");
 }
 
+void TableBridge::await_recorder() {
+  if (!options_.is_recorder_ready) return;
+  const auto until = Clock::now() + kRecorderPatience;
+  while (!options_.is_recorder_ready() && !stop_.load()) {
+    if (Clock::now() >= until) return log_.add("the recorder is late; the first frames are not recorded");
+    poll_lines(Board::now() + 5000);
+  }
+}
+
 // ---- lines
 
 void TableBridge::poll_lines(std::int64_t until) {
@@ -225,7 +236,7 @@ void TableBridge::poll_lines(std::int64_t until) {
   const std::int64_t reopen_us = std::max(kReopen_us, absent * kReopenEach_us);
   lines_.clear();
   for (const auto& board : boards_) {
-    board->maintain(epoch_, surface_.has_value(), reopen_us);
+    board->maintain(epoch_, has_begun_, reopen_us);
     lines_.push_back(
         {board->descriptor(), static_cast<short>(POLLIN | (board->wants_to_write() ? POLLOUT : 0)), 0});
   }
@@ -286,6 +297,7 @@ bool TableBridge::is_complete() const {
 void TableBridge::fill_planes() {
   const std::size_t cells = valid_.size();
   bool invalid = false;
+  ++filled_ticks_;
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
     const MountedBoard& mounted = map_.boards()[i];
@@ -359,6 +371,7 @@ void TableBridge::close_tick() {
   published_at_ = Board::now();
   close_us_.add(static_cast<double>(published_at_ - tick_start(tick_)));
   surface_->set_state(State::kRunning);
+  if (options_.is_recorder_ready) options_.is_recorder_ready();
   ++counters_.frames;
   status_ = 0;
   published_tick_ = tick;
@@ -524,9 +537,19 @@ bool TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
   return board.send(frame_, static_cast<std::int64_t>(published_tick_));
 }
 
+// Boards on which safe values are to be in force, but are not reported to be, get them in each tick: any
+// frame may be damaged on the line.
 void TableBridge::keep_boards_alive() {
-  for (const auto& board : boards_)
-    if (board->accepted() && !board->silent()) board->send_heartbeat();
+  const bool is_safe = !driver_ && surface_->actuator_info().frame == 0;
+  for (const auto& board : boards_) {
+    if (!board->accepted() || board->silent()) continue;
+    const bool needs_safe_frame = (is_safe && !(board->flags() & SSW_SAFE)) ||
+                                  (emergency_.active() && board->description().version < 2);
+    if (needs_safe_frame && !board->wants_to_write())
+      board->send_safe();
+    else
+      board->send_heartbeat();
+  }
 }
 
 // ---- emergency stop and status
@@ -550,6 +573,7 @@ std::string TableBridge::answer(const std::string& command) {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     for (const auto& board : boards_) {
       if (!board->accepted()) continue;
+      board->discard_pending();
       if (board->description().version >= 2) board->send_reason(SSW_STOP_NOW, SSW_STOP_BY_HOST);
       board->send_safe();
     }
@@ -615,8 +639,8 @@ std::string TableBridge::report() const {
     sum.silences += c.silences;
     sum.reconnections += c.reconnections;
     sum.restarts += c.restarts;
-    if (counters_.frames > 0)
-      least = std::min(least, static_cast<double>(valid_ticks_[i]) / static_cast<double>(counters_.frames));
+    if (filled_ticks_ > 0)
+      least = std::min(least, static_cast<double>(valid_ticks_[i]) / static_cast<double>(filled_ticks_));
   }
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
   char text[1024];

@@ -73,6 +73,7 @@ class TableBridge {
   void refuse(std::size_t board, const std::string& why);
   void make_safe(const MountedBoard&);
   void create_surface();
+  void await_recorder();
   void serve();
   void poll_lines(std::int64_t until);
   void log_events();
@@ -125,6 +126,8 @@ class TableBridge {
   std::vector<float> frame_;               // the actuators of one board
   double spread_us_ = 0;
   std::vector<std::uint64_t> valid_ticks_;
+  bool has_begun_ = false;          // boards are started
+  std::uint64_t filled_ticks_ = 0;  // also those that the controller did not get
   Quantiles close_us_, answer_us_, spread_quantiles_, phase_quantiles_;
   BridgeCounters counters_;
 };

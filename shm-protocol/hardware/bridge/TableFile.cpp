@@ -22,9 +22,12 @@ TableBoard read_board(const TomlReader& reader, const toml::table& table) {
   const auto device = reader.need<std::string>(table, where, "device", "a serial line or tcp:HOST:PORT");
   const auto baud =
       reader.get<std::int64_t>(table, where, "baud", "a speed in bits a second").value_or(115200);
+  if (!PortAddress::is_usual_speed(baud))
+    reader.fail(TomlReader::line_of(*table.get("baud")), where + "baud is " + std::to_string(baud) +
+                                                             ", must be a usual speed in bits a second; " +
+                                                             PortAddress::kUsualSpeeds);
   try {
-    board.port =
-        PortAddress::parse(device, static_cast<unsigned>(std::clamp<std::int64_t>(baud, 0, 1'000'000'000)));
+    board.port = PortAddress::parse(device, static_cast<unsigned>(baud));
   } catch (const std::invalid_argument& e) {
     reader.fail(board.line, where + e.what());
   }

@@ -31,8 +31,8 @@ class TomlReader {
   }
   static std::size_t line_of(const toml::node& node) { return node.source().begin.line; }
 
-  void allow(const toml::table& table, const std::string& where,
-             std::initializer_list<std::string_view> keys) const {
+  template <class Keys = std::initializer_list<std::string_view>>
+  void allow(const toml::table& table, const std::string& where, const Keys& keys) const {
     for (const auto& [key, value] : table) {
       if (std::ranges::find(keys, key.str()) != keys.end()) continue;
       fail(key.source().begin.line,

@@ -1,9 +1,11 @@
 // surface_bridge: the surface role for a physical device on a serial line or behind TCP.
+#include <fcntl.h>
 #include <shm_protocol/Error.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
@@ -58,7 +60,7 @@ constexpr const char* kUsage =
     "  --record FILE    record the session, as smartsurf record does\n"
     "  --hold           without a controller the device keeps the last frame [it gets the safe values]\n"
     "calibrate drives all cells of the table through their range and fits how each answers:\n"
-    "  -o FILE          the calibration; pictures of it go beside it, with the ending .svg\n"
+    "  -o FILE.toml     the calibration; pictures of it go beside it, with the ending .svg\n"
     "  --rest HEIGHT    all cells lie at HEIGHT, undriven since the boards were switched on: tells the "
     "sensors' "
     "zeros from\n"
@@ -106,6 +108,11 @@ struct Arguments {
   std::string output;
   hardware::CalibratorOptions calibrator;
 };
+
+// The pictures of a calibration.
+std::filesystem::path maps_file(const Arguments& arguments) {
+  return std::filesystem::path(arguments.output).replace_extension(".svg");
+}
 
 // Returns whether --help was requested and printed.
 bool read_flags(int argc, char** argv, std::vector<common::Flag> flags) {
@@ -193,9 +200,13 @@ std::optional<Arguments> parse_calibrate(int argc, char** argv) {
   if (::optind + 1 != argc) throw std::invalid_argument("calibrate needs one TABLE.toml");
   if (arguments.output.empty()) throw std::invalid_argument("calibrate needs -o FILE.toml");
   arguments.table = argv[::optind];
+  if (std::filesystem::path(arguments.output).extension() != ".toml")
+    throw std::invalid_argument("-o " + arguments.output +
+                                ": the name must end in .toml; pictures go beside it");
   std::error_code none;
-  if (std::filesystem::equivalent(*arguments.table, arguments.output, none))
-    throw std::invalid_argument("-o " + arguments.output + " is the table itself");
+  for (const auto& file : {std::filesystem::path(arguments.output), maps_file(arguments)})
+    if (std::filesystem::equivalent(*arguments.table, file, none))
+      throw std::invalid_argument("-o " + arguments.output + ": " + file.string() + " is the table itself");
   require_writable("-o", arguments.output);
   return arguments;
 }
@@ -221,13 +232,22 @@ class RecorderProcess {
     sigaddset(&term, SIGTERM);
     sigprocmask(SIG_BLOCK, &term, &before);
     const std::string parent = std::to_string(::getpid());
+    std::array<int, 2> ready{-1, -1};
+    if (::pipe2(ready.data(), O_CLOEXEC | O_NONBLOCK) != 0)
+      throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(errno));
     pid_ = ::fork();
     const int error = errno;
     if (pid_ == 0) ::signal(SIGTERM, SIG_DFL);
     sigprocmask(SIG_SETMASK, &before, nullptr);
-    if (pid_ < 0)
+    if (pid_ != 0) ::close(ready[1]);
+    ready_ = ready[0];
+    if (pid_ < 0) {
+      ::close(ready_);
       throw std::runtime_error(std::string("cannot start smartsurf record: ") + std::strerror(error));
+    }
     if (pid_ != 0) return;
+    ::fcntl(ready[1], F_SETFD, 0);
+    ::setenv("SMARTSURF_READY", std::to_string(ready[1]).c_str(), 1);
     ::setenv("SMARTSURF_PARENT", parent.c_str(), 1);  // it may still wait for a surface that never was
     ::dup2(STDERR_FILENO, STDOUT_FILENO);
     std::error_code none;
@@ -241,14 +261,27 @@ class RecorderProcess {
   }
   ~RecorderProcess() {
     if (pid_ > 0) finish(true);
+    ::close(ready_);
   }
   RecorderProcess(const RecorderProcess&) = delete;
   RecorderProcess& operator=(const RecorderProcess&) = delete;
+
+  // Returns whether it is attached to the surface, or has ended, of which it says so.
+  bool is_ready() {
+    if (int status = 0; pid_ > 0 && !common::stop_flag() && ::waitpid(pid_, &status, WNOHANG) == pid_) {
+      pid_ = 0;
+      print_end(status, "; the session goes on");
+    }
+    char byte = 0;
+    if (!is_attached_) is_attached_ = ::read(ready_, &byte, 1) == 1;
+    return is_attached_ || pid_ == 0;
+  }
 
   // Waits for its end, from 5 s on with SIGTERM and from 10 s on with SIGKILL. Returns whether it recorded
   // all. `stop`: it may still wait for a surface that never was.
   bool finish(bool stop) {
     using std::chrono::seconds;
+    if (pid_ == 0) return false;  // it ended early
     if (stop) ::kill(pid_, SIGTERM);
     int status = 0;
     const auto begun = std::chrono::steady_clock::now();
@@ -260,11 +293,24 @@ class RecorderProcess {
       next += seconds(5);
     }
     pid_ = 0;
-    return WIFEXITED(status) && (WEXITSTATUS(status) == common::kDone || WEXITSTATUS(status) > 128);
+    const bool recorded =
+        WIFEXITED(status) && (WEXITSTATUS(status) == common::kDone || WEXITSTATUS(status) > 128);
+    if (!recorded) print_end(status, "");
+    return recorded;
   }
 
  private:
+  static void print_end(int status, const std::string& more) {
+    common::print_error_line("surface_bridge",
+                             "smartsurf record ended " +
+                                 (WIFEXITED(status) ? "with status " + std::to_string(WEXITSTATUS(status))
+                                                    : "by signal " + std::to_string(WTERMSIG(status))) +
+                                 ": the recording is not whole" + more);
+  }
+
   pid_t pid_ = 0;
+  int ready_ = -1;  // the end of a pipe that says that it is attached
+  bool is_attached_ = false;
 };
 
 int exit_status(hardware::Outcome end) {
@@ -301,6 +347,8 @@ std::optional<hardware::TableSpec> await_table(const Arguments& arguments) {
 
 int serve(const Arguments& arguments) {
   std::optional<RecorderProcess> recorder;
+  BridgeOptions options = arguments.bridge;
+  if (arguments.record) options.is_recorder_ready = [&] { return recorder->is_ready(); };
   const auto start_recorder = [&](const std::string& surface) {
     if (arguments.record) recorder.emplace(surface, *arguments.record);
   };
@@ -314,12 +362,12 @@ int serve(const Arguments& arguments) {
     std::optional<hardware::TableSpec> table = await_table(arguments);
     if (!table) return exit_status(hardware::Outcome::kStopped);
     if (arguments.calibration) table->calibration = *arguments.calibration;
-    hardware::TableBridge bridge(*table, arguments.bridge, common::catch_stop_signals(), print_event);
+    hardware::TableBridge bridge(*table, options, common::catch_stop_signals(), print_event);
     start_recorder(arguments.bridge.surface.empty() ? table->name : arguments.bridge.surface);
     const hardware::Outcome end = bridge.run();
     return finish(end, bridge.served(), bridge.report());
   }
-  Bridge bridge(arguments.bridge, common::catch_stop_signals(), print_event);
+  Bridge bridge(options, common::catch_stop_signals(), print_event);
   start_recorder(arguments.bridge.surface);
   const hardware::Outcome end = bridge.run();
   return finish(end, bridge.counters().frames != 0, report(bridge.counters()));
@@ -344,8 +392,7 @@ int calibrate(const Arguments& arguments) {
   if (!calibrator.done()) return exit_status(end);
   const hardware::Calibration fitted = calibrator.fit();
   write_file(arguments.output, fitted.text());
-  write_file(std::filesystem::path(arguments.output).replace_extension(".svg"),
-             hardware::calibration_maps(fitted));
+  write_file(maps_file(arguments), hardware::calibration_maps(fitted));
   const auto adjust = hardware::cells_to_adjust(fitted, calibrator.lowest(), calibrator.highest());
   std::printf("%zu cells, %zu to be adjusted or repaired\n", fitted.cells(), adjust.size());
   if (calibrator.repeats() > 0)

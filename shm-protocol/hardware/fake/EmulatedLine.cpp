@@ -12,6 +12,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
 #include <utility>
 
@@ -22,6 +23,18 @@ constexpr std::size_t kMaxPendingBytes = std::size_t{1} << 20;  // excess bytes 
 
 [[noreturn]] void fail(const std::string& what) {
   throw std::runtime_error(what + ": " + std::strerror(errno));
+}
+
+// Throws if this path leads to anything but a pseudo-terminal, or nowhere: that is not ours to replace.
+void require_own(const std::string& link) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  const fs::file_status found = fs::symlink_status(link, none);
+  if (!fs::exists(found)) return;
+  const bool is_link = found.type() == fs::file_type::symlink;
+  if (is_link && (!fs::exists(link, none) || fs::read_symlink(link, none).string().starts_with("/dev/pts/")))
+    return;
+  throw std::invalid_argument(link + " exists and is no link to a pseudo-terminal; it is not replaced");
 }
 
 void close_descriptor(int& descriptor) {
@@ -45,6 +58,7 @@ void EmulatedLine::plug() {
 }
 
 void EmulatedLine::open_terminal() {
+  require_own(link_);
   line_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   std::array<char, 128> path{};
   if (line_ < 0 || ::grantpt(line_) != 0 || ::unlockpt(line_) != 0 ||
@@ -56,6 +70,7 @@ void EmulatedLine::open_terminal() {
   ::tcsetattr(line_, TCSANOW, &settings);
   ::unlink(link_.c_str());
   if (::symlink(path.data(), link_.c_str()) != 0) fail("cannot make " + link_);
+  terminal_ = path.data();
 }
 
 void EmulatedLine::open_listener() {
@@ -74,7 +89,8 @@ void EmulatedLine::open_listener() {
 }
 
 void EmulatedLine::unplug() {
-  if (!tcp_ && line_ >= 0) ::unlink(link_.c_str());
+  std::error_code none;
+  if (!tcp_ && line_ >= 0 && std::filesystem::read_symlink(link_, none) == terminal_) ::unlink(link_.c_str());
   close_descriptor(line_);
   close_descriptor(listener_);
   pending_.clear();

@@ -9,7 +9,8 @@ namespace hardware {
 
 class EmulatedLine {
  public:
-  // `link`: the symbolic link to create for the terminal. Throws std::runtime_error.
+  // `link`: the symbolic link to create for the terminal, in place of one that is stale. Throws
+  // std::invalid_argument if anything else has that path, or std::runtime_error.
   static EmulatedLine terminal(const std::string& link) { return EmulatedLine(link, 0, false); }
   // Listens on 127.0.0.1; port 0: any free port.
   static EmulatedLine tcp(std::uint16_t port) { return EmulatedLine({}, port, true); }
@@ -38,7 +39,7 @@ class EmulatedLine {
   void open_terminal();
   void open_listener();
 
-  std::string link_;
+  std::string link_, terminal_;  // terminal_: where the link leads
   std::uint16_t port_;
   bool tcp_;
   int line_ = -1, listener_ = -1;

@@ -37,8 +37,9 @@ using std::chrono::milliseconds;
 constexpr const char* kUsage =
     "usage: device_emulator --pty LINK | --tcp PORT [flags]\n"
     "Boards of a surface, emulated for surface_bridge; prints the DEVICE of each.\n"
-    "  --pty LINK       a pseudo-terminal, found through this symbolic link; of several boards, LINK-0, "
-    "LINK-1, …\n"
+    "  --pty LINK       a pseudo-terminal, found through this symbolic link, which replaces no file; of "
+    "several boards,\n"
+    "                   LINK-0, LINK-1, …\n"
     "  --tcp PORT       a server on 127.0.0.1; of several boards, on successive ports; 0: any free ports\n"
     "  --device NAME    toy: discs that drift by themselves; pillars: a ball rolls on pillars with touch "
     "[toy]\n"

@@ -114,10 +114,21 @@ static void settle(ssd_device* d) {
   apply_safe_values(d);
 }
 
-static float raw_limit(const ssw_channel* c, float value) {
-  const float most = c->dtype == SSW_U16 ? 65535.0f : 255.0f, raw = (value - c->offset) / c->scale;
-  if (c->dtype == SSW_F32) return value;
-  return raw < 0.0f ? 0.0f : raw > most ? most : (float)(uint32_t)(raw + 0.5f);
+/* The range and the safe value, as raw numbers. A range without any has its lowest neighbour only. */
+static void set_range(ssd_state* s, const ssw_channel* c) {
+  uint8_t wire[4];
+  if (c->dtype == SSW_F32) {
+    s->lowest = c->minimum;
+    s->highest = c->maximum;
+    ssw_put_f32(wire, c->safe);
+  } else {
+    const ssw_raw_range range = ssw_get_raw_range(c);
+    const float most = ssw_most_raw(c->dtype), raw = (c->safe - c->offset) / c->scale + 0.5f;
+    s->lowest = range.lowest > most ? most : range.lowest;
+    s->highest = range.highest < s->lowest ? s->lowest : range.highest;
+    ssw_put_u32(wire, (uint32_t)(raw > s->highest ? s->highest : raw > s->lowest ? raw : s->lowest));
+  }
+  from_wire(wire, c->dtype, s->safe, 0);
 }
 
 /* Brings a received element into the channel's range. */
@@ -433,7 +444,7 @@ static void release_stop(ssd_device* d, const ssw_packet* p) {
 
 void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint8_t count,
               ssd_try_write write, void* context) {
-  uint8_t i, wire[4];
+  uint8_t i;
   memset(d, 0, sizeof *d);
   d->hello = *hello;
   d->hello.version = SSW_VERSION;
@@ -443,16 +454,8 @@ void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint
   d->context = context;
   d->version = 1;
   for (i = 0; i < count; ++i) {
-    ssw_channel* c = &channels[i].info;
-    ssd_state* s = &d->state[i];
-    c->index = i;
-    s->lowest = raw_limit(c, c->minimum);
-    s->highest = raw_limit(c, c->maximum);
-    if (c->dtype == SSW_F32)
-      ssw_put_f32(wire, c->safe);
-    else
-      ssw_put_u32(wire, (uint32_t)raw_limit(c, c->safe));
-    from_wire(wire, c->dtype, s->safe, 0);
+    channels[i].info.index = i;
+    set_range(&d->state[i], &channels[i].info);
   }
   ssw_receiver_init(&d->receiver);
   apply_safe_values(d);

@@ -304,3 +304,29 @@ size_t ssw_dtype_bytes(uint8_t dtype) {
       return 0;
   }
 }
+
+float ssw_most_raw(uint8_t dtype) { return dtype == SSW_U16 ? 65535.0f : 255.0f; }
+
+/* The value, the offset, their difference and its quotient are each off by up to 2^-24 of themselves. */
+float ssw_raw_error(const ssw_channel* c, float value) {
+  const float v = value < 0.0f ? -value : value, o = c->offset < 0.0f ? -c->offset : c->offset;
+  return 2.4e-7f * (v / c->scale + o / c->scale);
+}
+
+ssw_raw_range ssw_get_raw_range(const ssw_channel* c) {
+  const float most = ssw_most_raw(c->dtype);
+  const float low = (c->minimum - c->offset) / c->scale - ssw_raw_error(c, c->minimum);
+  const float high = (c->maximum - c->offset) / c->scale + ssw_raw_error(c, c->maximum);
+  ssw_raw_range range = {0.0f, -1.0f};
+  if (low > most) {
+    range.lowest = most + 1.0f;
+  } else if (low > 0.0f) {
+    range.lowest = (float)(uint32_t)low;
+    if (range.lowest < low) range.lowest += 1.0f;
+  }
+  if (high >= most)
+    range.highest = most;
+  else if (high >= 0.0f)
+    range.highest = (float)(uint32_t)high;
+  return range;
+}

@@ -234,6 +234,17 @@ int ssw_get_status(const ssw_packet*, ssw_status*);
 
 size_t ssw_dtype_bytes(uint8_t dtype); /* 0: there is no such type */
 
+/* The raw numbers of a u8 or u16 channel; u8 if dtype is another. */
+typedef struct ssw_raw_range {
+  float lowest,
+      highest; /* raw numbers whose values lie in the channel's range; lowest > highest: none does */
+} ssw_raw_range;
+float ssw_most_raw(uint8_t dtype);
+/* A limit that is a raw number but for the rounding of f32 is one. */
+ssw_raw_range ssw_get_raw_range(const ssw_channel*);
+/* By how many raw numbers the rounding of f32 may shift a value. */
+float ssw_raw_error(const ssw_channel*, float value);
+
 #ifdef __cplusplus
 }
 #endif

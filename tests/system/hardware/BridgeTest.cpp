@@ -407,6 +407,52 @@ TEST(Bridge, AnswersThatAStopReplacesAreNotSent) {
   EXPECT_EQ(bridge.figure("answers"), 0u) << bridge.output();
 }
 
+std::string ask(const std::string& command, const std::string& name) {
+  Program asked({SURFACE_BRIDGE, command, name});
+  EXPECT_EQ(asked.wait(), 0) << asked.output();
+  return asked.output();
+}
+
+// Waits for a frame during an emergency stop.
+void await_stop(ControllerEndpoint& controller) {
+  constexpr std::uint32_t kStopped = 16;
+  do ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+  while (!(controller.sensor_info().status & kStopped) && published(controller));
+}
+
+TEST(Bridge, UnpluggedDeviceIsStoppedWhenItIsBack) {
+  const std::string name = surface_name("bridge-stop-unplugged");
+  Device device(
+      {"--pty", line_path("stop-unplugged"), "--size", kSize, "--period-ms", "5", "--unplug-for", "1000"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  device.program.signal(SIGUSR2);
+  bridge.await_output("the line to the device is cut");
+  EXPECT_NE(ask("status", name).find(" unplugged "), std::string::npos);
+  EXPECT_EQ(ask("stop", name), "stopped\n");
+  const std::string status = ask("status", name);
+  EXPECT_NE(status.find("emergency_stop by the user\nboard b0 unplugged "), std::string::npos) << status;
+  await_stop(controller);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+}
+
+TEST(Bridge, AwaitedDeviceIsStoppedWhenItComes) {
+  const std::string name = surface_name("bridge-stop-awaited"), line = line_path("stop-awaited");
+  Program bridge({SURFACE_BRIDGE, line, "--shm", name, "--connect", "60"});
+  for (int status = 1; status != 0;) {  // until the bridge listens
+    Program asked({SURFACE_BRIDGE, "stop", name});
+    status = asked.wait();
+  }
+  EXPECT_NE(ask("status", name).find("emergency_stop by the user\nboard " + line + " unplugged "),
+            std::string::npos);
+  Device device({"--pty", line, "--size", kSize, "--period-ms", "5"});
+  auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  await_stop(controller);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+}
+
 TEST(Bridge, InvalidInputIsOneLineError) {
   for (const std::vector<std::string>& flags : {std::vector<std::string>{},
                                                 {"a", "b"},
@@ -417,6 +463,8 @@ TEST(Bridge, InvalidInputIsOneLineError) {
                                                 {"x", "--record", "/no/such/folder/x.h5"},
                                                 {"x", "--record", "x.csv"},
                                                 {"calibrate", "x.toml", "-o", "/"},
+                                                {"calibrate", "x.toml", "-o", "x.svg"},
+                                                {"calibrate", "x.toml", "-o", "x"},
                                                 {"--table", "x.toml", "--baud", "9600"},
                                                 {"/dev/null", "--baud", "1"},
                                                 {"x", "--mode", "fast"},
@@ -431,6 +479,31 @@ TEST(Bridge, InvalidInputIsOneLineError) {
   }
   Program help({SURFACE_BRIDGE, "--help"});
   EXPECT_EQ(help.wait(), 0);
+}
+
+TEST(Emulator, LinkReplacesNoFile) {
+  const std::string path = line_path("taken");
+  const auto refused = [&](const std::string& boards, const std::string& file) {
+    Program emulator({DEVICE_EMULATOR, "--pty", path, "--boards", boards, "--ticks", "1"});
+    EXPECT_EQ(emulator.wait(), 2);
+    EXPECT_EQ(emulator.output(), "device_emulator: error: " + file +
+                                     " exists and is no link to a pseudo-terminal; it is not replaced\n");
+    EXPECT_TRUE(std::filesystem::exists(std::filesystem::symlink_status(file)));
+  };
+  std::ofstream(path) << "precious";
+  refused("1x1", path);
+  EXPECT_EQ(std::filesystem::file_size(path), 8u);
+  const std::string second = path + "-1", link = path + "-link";
+  std::filesystem::create_symlink(path, second);
+  refused("2x1", second);
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(path + "-0"))) << "its own is gone";
+  for (const std::string target : {"/dev/pts/0", "/no/such/terminal"}) {
+    std::filesystem::create_symlink(target, link);
+    Program emulator({DEVICE_EMULATOR, "--pty", link, "--ticks", "1"});
+    EXPECT_EQ(emulator.wait(), 0) << emulator.output();
+  }
+  std::filesystem::remove(second);
+  std::filesystem::remove(path);
 }
 
 // Neither waits for the device, which is not there.
@@ -449,7 +522,7 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
         {{"--table", file}, file + ":1: name \"a b\""},
         {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
         {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
-        {{"calibrate", file, "-o", line_path("c.toml")}, file + ":1: name \"a b\""}}) {
+        {{"calibrate", file, "-o", line_path("c") + ".toml"}, file + ":1: name \"a b\""}}) {
     std::vector<std::string> words{SURFACE_BRIDGE};
     words.insert(words.end(), flags.begin(), flags.end());
     for (const char* word : {"--connect", "1"}) words.push_back(word);

@@ -214,6 +214,23 @@ TEST(Table, UnpluggedBoardCostsItsOwnCellsAndComesBack) {
   EXPECT_GT(share, 0.75) << "of the other boards' frames";
 }
 
+TEST(Table, TicksThatASlowControllerSkipsCountForValidity) {
+  Table table("slow", "2x1", {"--unplug-for", "100"});
+  Checker checker(table.name);
+  checker.tick_until([&] { return checker.all_move(); });
+  const auto answer_each_fifth_tick = [&] {
+    for (const auto until = Clock::now() + 1500ms; Clock::now() < until; std::this_thread::sleep_for(100ms))
+      ASSERT_NO_FATAL_FAILURE(checker.tick());
+  };
+  answer_each_fifth_tick();
+  table.device.program.signal(SIGUSR2);
+  table.bridge->await_output("the line is cut");
+  answer_each_fifth_tick();
+  table.bridge->signal(SIGINT);
+  EXPECT_EQ(table.bridge->wait(), 130);
+  EXPECT_LT(std::stod(table.bridge->await_output("least_valid ")), 0.9) << table.bridge->output();
+}
+
 TEST(Table, EmergencyStopHoldsAllBoardsUntilItIsReleased) {
   Table table("stop", "2x2");
   Checker checker(table.name);

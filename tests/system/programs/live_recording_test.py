@@ -257,10 +257,8 @@ class LiveRecordings(ProgramTest):
         self.assertEqual(status, 0, err)
         with self.read() as f:
             self.assertEqual(f["boards/valid"].shape, (len(f["tick"]), 2))
-            # Frames from before the recorder was there are neither recorded nor counted.
-            self.assertLessEqual(len(f["tick"]) + f["lost"][:].sum(), 600)
-            self.assertLessEqual(len(f["tick"]) + f["lost"][:].sum(), f["tick"][-1] - f["tick"][0] + 1)
-            self.assertGreater(len(f["tick"]) + f["lost"][:].sum(), 110)
+            self.assertEqual(len(f["tick"]) + f["lost"][:].sum(), 600)
+            self.assertLessEqual(len(f["tick"]) + f["lost"][1:].sum(), f["tick"][-1] - f["tick"][0] + 1)
             valid = f["sensors/valid"][:]
             known = f["boards/valid"][:, 0] <= 1
             self.assertGreater(known.sum(), 60)
@@ -274,6 +272,29 @@ class LiveRecordings(ProgramTest):
             self.assertGreater(follows.sum(), 40)
             self.assertTrue((in_force[follows] < f["tick"][:][follows]).all())
             self.assertTrue((f["boards/tick"][:, 1][known][1:] >= f["boards/tick"][:, 1][known][:-1]).all())
+
+    def bridge(self, *flags):
+        device = self.start(str(EMULATOR), "--tcp", "0", "--size", "4x4", "--period-ms", "5", "--once")
+        return self.start(str(BRIDGE), device.stdout.readline().split()[1], "--shm", self.shm, "--mode", "passive", *flags,
+                          "--record", str(self.folder / "live.h5"))
+
+    def test_bridge_waits_for_its_recorder(self):
+        status, _, err = self.finish(self.bridge("--ticks", "300"))
+        self.assertEqual(status, 0, err)
+        with self.read() as f:
+            self.assertEqual(len(f["tick"]) + f["lost"][:].sum(), 300)
+            self.assertEqual(f["tick"][0], f["lost"][0])
+            self.assertNotIn("late", err)
+
+    def test_bridge_says_that_its_recorder_ended(self):
+        bridge = self.bridge("--ticks", "2000")
+        self.wait_for((self.folder / "live.h5.part").exists, "the recording")
+        for recorder in children(bridge.pid):
+            os.kill(recorder, signal.SIGKILL)
+        status, _, err = self.finish(bridge)
+        self.assertEqual(status, 1)
+        self.assertEqual(err.count("smartsurf record ended"), 1, err)
+        self.assertIn("surface_bridge: smartsurf record ended by signal 9: the recording is not whole; the session goes on\n", err)
 
 
 if __name__ == "__main__":

@@ -359,10 +359,16 @@ TEST_F(CalibrationFile, MistakesAreNamedWithTheirLine) {
   EXPECT_EQ(error(replaced(text, "size = [2, 3]", "size = [60000, 60000]")),
             "18: state: value must have 60000 rows");
   EXPECT_EQ(error(replaced(text, "[0, 0, 0]", "[0, 7, 0]")),
-            "20: state: value of row 0, column 1 is 7.0, must be a number from -2.0 to 2.0");
+            "20: state: value of row 0, column 1 is 7.0, must be 0, 1 or 2");
   EXPECT_EQ(error(replaced(text, "smartsurf calibration 1", "smartsurf calibration 9")).substr(0, 23),
             "3: format must be \"smar");
-  EXPECT_EQ(error(replaced(text, "[lag]", "[leg]")), "1: [lag] is missing: the file is not whole");
+  EXPECT_EQ(error(text.substr(0, text.find("[lag]"))), "1: [lag] is missing: the file is not whole");
+  EXPECT_EQ(error(replaced(text, "[lag]", "[leg]")).substr(0, 46),
+            "74: unknown key 'leg'; known are format, table");
+  EXPECT_EQ(error(replaced(text, "rest =", "colour = 1\nrest =")).substr(0, 31),
+            "9: unknown key 'colour'; known ");
+  EXPECT_EQ(error(replaced(text, "[state]", "[state]\nerror = 1")),
+            "19: state: unknown key 'error'; known are value");
 }
 
 // Cut at any place, a file is refused in one line, or at the end whole.

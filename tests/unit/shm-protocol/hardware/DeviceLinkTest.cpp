@@ -7,6 +7,7 @@
 #include <cstring>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "shm-protocol/hardware/fake/NoisyLine.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
@@ -201,6 +202,19 @@ TEST(DeviceLink, AbandonsFrameWithMissingPacket) {
   }
 }
 
+TEST(DeviceLink, DuplicatedPacketIsNoLoss) {
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  for (const Bytes& packet : packets_of(std::exchange(pair.up, {})))
+    for (int copy = 0; copy < 2; ++copy) pair.up.insert(pair.up.end(), packet.begin(), packet.end());
+  pair.carry();
+  EXPECT_EQ(pair.link.lost_packets(), 0u);
+  pair.device.period();
+  EXPECT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
+  EXPECT_EQ(pair.link.lost_packets(), 0u);
+}
+
 // A long run over bad lines in both directions. Nothing wrong may come through, on either side, and much
 // must.
 TEST(DeviceLink, FramesReceivedOverNoiseAreCorrect) {
@@ -332,6 +346,78 @@ TEST(DeviceLink, RejectionNamesTheField) {
   EXPECT_EQ(message(0.02F, INFINITY), place + "the offset inf must be finite");
   EXPECT_EQ(message(INFINITY, 0), place + "the scale inf must be finite and above 0");
   EXPECT_EQ(message(-1, 0), place + "the scale -1.000000 must be finite and above 0");
+}
+
+// A channel of an actuator with raw numbers.
+ssw_channel actuator(ssw_dtype dtype, float minimum, float maximum, float safe, float scale, float offset) {
+  return {0,        SSW_ACTUATOR, static_cast<std::uint8_t>(dtype), 1, minimum, maximum, safe, scale, offset,
+          "height", "u"};
+}
+constexpr ssw_hello kOneCell{SSW_VERSION, 1, 1, 1, 1000, 1, 0, "x"};
+
+TEST(DeviceLink, RangeThatRawNumbersCannotExpressIsRejected) {
+  const auto message = [](const ssw_channel& channel) {
+    DeviceLink link;
+    return describe(link, kOneCell, channel) == Event::kDescribed ? std::string() : link.message();
+  };
+  const std::string place = "channel 0 'height' of the device: ";
+  EXPECT_EQ(message(actuator(SSW_U8, 0, 8, 0, 0.01F, 0)),
+            place + "the maximum 8 cannot be expressed: the u8 of scale 0.01 reach from 0 to 2.55");
+  EXPECT_EQ(message(actuator(SSW_U16, -3, 8, 0, 1, 0)),
+            place + "the minimum -3 cannot be expressed: the u16 of scale 1 reach from 0 to 65535");
+  EXPECT_EQ(
+      message(actuator(SSW_U8, 0.1F, 0.3F, 0.2F, 1, 0)),
+      place +
+          "the range 0.1 … 0.3 has no value that can be expressed: the u8 of scale 1 reach from 0 to 255");
+  EXPECT_EQ(message(actuator(SSW_U8, 0, 25.5F, 0, 0.1F, 0)), "");
+  EXPECT_EQ(message(actuator(SSW_U16, -10, 645.35F, 0, 0.01F, -10)), "");
+  EXPECT_EQ(message(actuator(SSW_U8, 0.5F, 7.5F, 1, 1, 0)), "");
+}
+
+// What reaches the pins of that channel for that value, through the bridge and, `raw`, past it.
+std::pair<unsigned, unsigned> commanded_raw(const ssw_channel& channel, float value, std::uint16_t raw) {
+  DeviceLink link;
+  EXPECT_EQ(describe(link, kOneCell, channel), Event::kDescribed) << link.message();
+  Bytes down;
+  link.write_frame(0, std::vector<float>(1, value), down);
+  std::uint16_t active = 0, next = 0;
+  ssd_channel own{channel, &active, &next};
+  ssd_device device;
+  ssd_init(
+      &device, &kOneCell, &own, 1, [](void*, const std::uint8_t*, std::size_t) { return 1; }, nullptr);
+  for (const std::uint8_t b : down) ssd_receive(&device, b);
+  EXPECT_EQ(device.ready_tick, 0u);
+  EXPECT_EQ(device.clamped, 0u) << "the bridge and the firmware agree";
+  const unsigned through = next;
+  std::uint8_t data[SSW_DATA_HEADER + 2] = {}, bytes[SSW_MAX_ENCODED + 2];
+  ssw_put_u16(data + SSW_DATA_HEADER, raw);
+  const ssw_packet packet{SSW_ACTUATOR_DATA, 0, 0, data, SSW_DATA_HEADER + ssw_dtype_bytes(channel.dtype)};
+  const std::size_t count = ssw_write(&packet, bytes);
+  for (std::size_t b = 0; b < count; ++b) ssd_receive(&device, bytes[b]);
+  return {through, next};
+}
+
+TEST(DeviceLink, RawNumbersStayWithinTheRange) {
+  using Raw = std::pair<unsigned, unsigned>;
+  EXPECT_EQ(commanded_raw(actuator(SSW_U8, 0, 1, 0, 0.4F, 0), 1, 255), (Raw{2, 2})) << "3 is 1.2";
+  EXPECT_EQ(commanded_raw(actuator(SSW_U8, 0.5F, 7.5F, 1, 1, 0), 8, 255), (Raw{7, 7}));
+  EXPECT_EQ(commanded_raw(actuator(SSW_U8, 0.5F, 7.5F, 1, 1, 0), 0, 0), (Raw{1, 1}));
+  EXPECT_EQ(commanded_raw(actuator(SSW_U16, -1, 1, 0, 0.3F, -1), 1, 60000), (Raw{6, 6}));
+}
+
+// Whether a multiple of the scale comes out above or below as f32.
+TEST(DeviceLink, LimitsThatRawNumbersExpressAreKept) {
+  for (const float scale : {0.001F, 0.007F, 0.01F, 0.02F, 0.1F, 0.3F, 1.7F})
+    for (const float offset : {0.0F, -10.0F, 3.3F})
+      for (unsigned raw = 1; raw < 255; ++raw) {
+        const float value = offset + scale * static_cast<float>(raw);
+        for (const float near : {value, std::nextafter(value, -99.0F), std::nextafter(value, 999.0F)}) {
+          const ssw_channel up = actuator(SSW_U8, offset, near, offset, scale, offset);
+          EXPECT_EQ(ssw_get_raw_range(&up).highest, static_cast<float>(raw)) << scale << " " << offset;
+          const ssw_channel down = actuator(SSW_U8, near, 1000, near, scale, offset);
+          EXPECT_EQ(ssw_get_raw_range(&down).lowest, static_cast<float>(raw)) << scale << " " << offset;
+        }
+      }
 }
 
 TEST(DeviceLink, FaultsAreReported) {

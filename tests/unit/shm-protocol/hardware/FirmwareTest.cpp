@@ -174,14 +174,16 @@ TEST(Firmware, SafeValuesAreScaledForEachType) {
   ssd_channel channels[] = {
       {{0, SSW_ACTUATOR, SSW_F32, 1, -1, 1, 0.25F, 1, 0, "a", ""}, memory + 1, memory + 5},
       {{0, SSW_ACTUATOR, SSW_U16, 1, -10, 10, 2.5F, 0.01F, -10, "b", ""}, memory + 9, memory + 11},
-      {{0, SSW_ACTUATOR, SSW_U8, 1, 0, 4, 1, 0.02F, 0, "c", ""}, memory + 13, memory + 14}};
+      {{0, SSW_ACTUATOR, SSW_U8, 1, 0, 4, 1, 0.02F, 0, "c", ""}, memory + 13, memory + 14},
+      {{0, SSW_ACTUATOR, SSW_U8, 1, 0, 1, 1, 0.4F, 0, "d", ""}, memory + 15, memory + 16}};
   const ssw_hello hello{0, 0, 1, 1, 1000, 1, 0, "odd"};
   ssd_device device;
   ssd_init(
-      &device, &hello, channels, 3, [](void*, const std::uint8_t*, std::size_t) { return 1; }, nullptr);
+      &device, &hello, channels, 4, [](void*, const std::uint8_t*, std::size_t) { return 1; }, nullptr);
   EXPECT_EQ(ssw_get_f32(memory + 1), 0.25F);
   EXPECT_EQ(ssw_get_u16(memory + 9), 1250);
   EXPECT_EQ(memory[13], 50);
+  EXPECT_EQ(memory[15], 2) << "3 is beyond the range";
 }
 
 }  // namespace
