@@ -73,6 +73,8 @@ HWY_INLINE SinCos sin_cos(V angle) {
           hn::IfThenElse(hn::Or(is_1, hn::Eq(quadrant, set(2.0))), zero() - cos, cos)};
 }
 
+HWY_INLINE V3 unit(const V3& v) { return v * (set(1.0) / hn::Sqrt(dot(v, v))); }
+
 HWY_INLINE Q4 rotation_by_vector(const V3& u) {
   const V angle = hn::Sqrt(dot(u, u));
   const SinCos half = sin_cos(angle * set(0.5));
@@ -98,6 +100,9 @@ struct PrincipalTensor {
   }
 };
 
+// A free turn of more than kMaxPartTurn, rad, is made in parts, in kMaxParts at most.
+constexpr double kMaxPartTurn = 1.0, kMaxParts = 256.0;
+
 // Free rotation at constant angular momentum: the kinetic energy is split into that of a sphere, of the
 // middle moment, and what the least and the greatest moment add to it. Each part alone makes the body rotate
 // uniformly, about the momentum or about one of its own axes, and the first commutes with the others; these
@@ -105,21 +110,18 @@ struct PrincipalTensor {
 // Wisdom, 1994). Exact for bodies with two equal moments and for rotation about one axis; otherwise of second
 // order, without drift of the energy. Fast turns are made in parts. Returns the new orientation, not quite
 // unit.
-constexpr double kMaxPartTurn = 1.0;  // of the second and third part of the energy, rad
-constexpr double kMaxParts = 256.0;
 HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
   const auto choose = [](auto mask, const V3& yes, const V3& no) HWY_ATTR {
     return V3{hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y),
               hn::IfThenElse(mask, yes.z, no.z)};
   };
-  // The composition of turns of about π each resonates.
+  // The composition resonates with turns of about π.
   const V spin =
       hn::Sqrt(dot(momentum, momentum)) * hn::Max(hn::Abs(inverse.least), hn::Abs(inverse.greatest));
   const V parts = hn::Min(hn::Max(hn::Ceil(spin * time / set(kMaxPartTurn)), set(1.0)), set(kMaxParts));
   const V part_time = time / parts, half_time = part_time * set(0.5);
-  for (V part = zero();; part = part + set(1.0)) {
+  for (V part = zero();;) {
     const auto turns = hn::Lt(part, parts);
-    if (hn::AllFalse(LanesTag<double>(), turns)) break;
     Q4 next = q;
     V3 next_u = u, next_v = v;
     rotate_about(next_u, half_time * inverse.least * dot(next_u, momentum), next, next_v);
@@ -127,7 +129,11 @@ HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const Principa
     rotate_about(next_u, half_time * inverse.least * dot(next_u, momentum), next, next_v);
     q = {hn::IfThenElse(turns, next.x, q.x), hn::IfThenElse(turns, next.y, q.y),
          hn::IfThenElse(turns, next.z, q.z), hn::IfThenElse(turns, next.w, q.w)};
-    u = choose(turns, next_u, u), v = choose(turns, next_v, v);
+    part = part + set(1.0);
+    if (hn::AllFalse(LanesTag<double>(), hn::Lt(part, parts))) break;
+    // A rotation gives its axis's error of length to the other one: it would grow from part to part.
+    u = choose(turns, unit(next_u), u);
+    v = choose(turns, unit(next_v - u * dot(u, next_v)), v);
   }
   return rotation_by_vector(momentum * (time * inverse.middle)) * q;
 }
