@@ -16,8 +16,8 @@ bool has_bullet();
 // Throws scene::InputError, one clause, if the engine of that name cannot have such a joint.
 void require_joint(const std::string& engine, const scene::JointSpec&);
 
-// Throws scene::InputError if this build lacks the engine named by WorldSpec::engine, or that engine something
-// of the scene.
+// Throws scene::InputError if this build lacks the engine named by WorldSpec::engine, or that engine
+// something of the scene.
 void require_engine(const scene::SceneSpec&);
 
 // The engine named by WorldSpec::engine, with the scene's objects and joints. `field` and `pool` must outlive
