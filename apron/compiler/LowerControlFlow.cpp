@@ -162,28 +162,24 @@ void Lowering::check_for(const Value& from, const Value& bound, const Value& ste
                   {builder_.operand(from), builder_.operand(bound), builder_.operand(step)});
 }
 
-// Sums of a fraction drift: ten times 0.1 are more than 1. Such a loop counts its rounds instead and computes
-// its counter: first + round · step. Bounds and step stand for decimals that no float equals, so a last value
-// that is beyond the bound by their rounding alone still has its round. Whether a step that is no constant is
-// a fraction is known before the first round.
+// Sums of a fraction drift: ten times 0.1 are more than 1. A loop with such a step computes its counter from
+// the number of rounds, which is known before the first one. Bounds and step stand for decimals that no float
+// equals, so a last value that is beyond the bound by their rounding alone still has its round.
 void Lowering::count_rounds(Block& block, const Value& first) {
   constexpr float kRounding = 0x1p-22F;  // of bounds and step, relative
   constexpr float kMaxSlack = 0.25F;     // of a round
-  const auto number = [](double value) { return Value::from_constant(value); };
-  const auto compute = [this](Opcode op, const Value& a, const Value& b) { return compute_scalar(op, a, b); };
   block.first = first;
   block.round = retained(builder_.allocate_scalar_temporary());
   builder_.emit(Opcode::kCopy, builder_.operand(block.round), {builder_.literal_operand(0.0F)});
-  const Value kept_bound = borrowed(block.bound), kept_first = borrowed(first),
-              kept_step = borrowed(block.step);
-  const Value magnitude = compute(Opcode::kAdd, compute(Opcode::kAbs, kept_bound, number(0.0)),
-                                  compute(Opcode::kAbs, kept_first, number(0.0)));
-  const Value reach = compute(Opcode::kDiv, magnitude, compute(Opcode::kAbs, kept_step, number(0.0)));
-  const Value slack =
-      compute(Opcode::kMin, compute(Opcode::kMul, reach, number(kRounding)), number(kMaxSlack));
-  const Value span = compute(Opcode::kSub, kept_bound, kept_first);
-  const Value rounds = compute(Opcode::kAdd, compute(Opcode::kDiv, span, kept_step), slack);
-  block.last_round = retained(compute(Opcode::kFloor, rounds, number(0.0)));
+  const Value from = borrowed(first), to = borrowed(block.bound), step = borrowed(block.step);
+  const auto magnitude = [this](const Value& value) { return compute_scalar(Opcode::kAbs, {value}); };
+  const Value sum = compute_scalar(Opcode::kAdd, {magnitude(to), magnitude(from)});
+  const Value greatest = compute_scalar(Opcode::kDiv, {sum, magnitude(step)});
+  const Value error = compute_scalar(Opcode::kMul, {greatest, Value::from_constant(kRounding)});
+  const Value slack = compute_scalar(Opcode::kMin, {error, Value::from_constant(kMaxSlack)});
+  const Value span = compute_scalar(Opcode::kSub, {to, from});
+  const Value rounds = compute_scalar(Opcode::kAdd, {compute_scalar(Opcode::kDiv, {span, step}), slack});
+  block.last_round = retained(compute_scalar(Opcode::kFloor, {rounds}));
   for (const Value& value : {block.first, block.round, block.last_round})
     builder_.describe(value, "the 'for'");
 }
@@ -194,17 +190,18 @@ Value Lowering::borrowed(Value value) {
   return value;
 }
 
-// A scalar; releases the operands, of which some opcodes take the first alone.
-Value Lowering::compute_scalar(Opcode op, const Value& a, const Value& b) {
-  if (a.is_constant() && b.is_constant())
-    return Value::from_constant(program::evaluate_scalar(op, a.constant, b.constant, 0.0));
-  builder_.release(a);
-  builder_.release(b);
+// The result of one or two scalars, which it releases.
+Value Lowering::compute_scalar(Opcode op, const std::vector<Value>& operands) {
+  if (std::ranges::all_of(operands, &Value::is_constant))
+    return Value::from_constant(
+        program::evaluate_scalar(op, operands.front().constant, operands.back().constant, 0.0));
+  std::vector<program::Operand> read;
+  for (const Value& value : operands) {
+    builder_.release(value);
+    read.push_back(builder_.operand(value));
+  }
   const Value result = builder_.allocate_scalar_temporary();
-  const bool is_unary = op == Opcode::kAbs || op == Opcode::kFloor;
-  builder_.emit(
-      op, builder_.operand(result),
-      is_unary ? std::vector{builder_.operand(a)} : std::vector{builder_.operand(a), builder_.operand(b)});
+  builder_.emit(op, builder_.operand(result), std::move(read));
   return result;
 }
 
@@ -226,17 +223,16 @@ void Lowering::emit_for_test(const Block& block) {
     emit_conditional_jump({comparison, a, b}, false, block.end_label);
   };
   const auto test_round = [&] { unless(Opcode::kLe, borrowed(block.round), borrowed(block.last_round)); };
-  const bool counts_rounds = block.round.kind != Value::Kind::kNone;
   if (block.step.is_constant()) {
-    if (counts_rounds) return test_round();
+    if (block.counts_rounds()) return test_round();
     return unless(block.step.constant > 0.0 ? Opcode::kLe : Opcode::kGe, block.counter,
                   borrowed(block.bound));
   }
-  const ProgramBuilder::Label is_whole = builder_.new_label(), body = builder_.new_label();
-  jump_unless_fraction(block, is_whole);
+  const ProgramBuilder::Label of_whole_step = builder_.new_label(), body = builder_.new_label();
+  jump_unless_fraction(block, of_whole_step);
   test_round();
   builder_.emit(Opcode::kJump, {}, {builder_.label_operand(body)});
-  builder_.bind_label(is_whole);
+  builder_.bind_label(of_whole_step);
   // Continues while (bound - counter) * direction >= 0, for steps of either sign.
   const Value remaining = builder_.allocate_scalar_temporary();
   builder_.emit(Opcode::kSub, builder_.operand(remaining),
@@ -347,19 +343,20 @@ void Lowering::close_loop(const Block& block) {
   builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.test_label)});
 }
 
+// Sets the counter of the next round.
 void Lowering::advance_for(const Block& block) {
-  const ProgramBuilder::Label is_whole = builder_.new_label();
-  if (block.round.kind != Value::Kind::kNone) {
+  const ProgramBuilder::Label of_whole_step = builder_.new_label();
+  if (block.counts_rounds()) {
     builder_.emit(Opcode::kAdd, builder_.operand(block.round),
                   {builder_.operand(block.round), builder_.literal_operand(1.0F)});
-    if (!block.step.is_constant()) jump_unless_fraction(block, is_whole);
+    if (!block.step.is_constant()) jump_unless_fraction(block, of_whole_step);
     builder_.emit(
         Opcode::kMac, builder_.operand(block.counter),
         {builder_.operand(block.round), builder_.operand(block.step), builder_.operand(block.first)});
     if (block.step.is_constant()) return;
     builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.test_label)});
   }
-  builder_.bind_label(is_whole);
+  builder_.bind_label(of_whole_step);
   builder_.emit(Opcode::kAdd, builder_.operand(block.counter),
                 {builder_.operand(block.counter), builder_.operand(block.step)});
 }

@@ -71,7 +71,7 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     Symbol symbol{{}, binding.value.location, false, display_name(binding.name), false};
     scope.names.push_back(binding.name);
     try {
-      symbol.value = evaluated(binding.value);
+      symbol.value = lower_argument(binding.value);
     } catch (const CompileError& error) {
       report(error);
     } catch (const AlreadyReported&) {
@@ -96,8 +96,9 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
   scopes_[expansion.id] = std::move(scope);
 }
 
-// An argument's value of its own, also where an expression is but a name: the body may write that.
-Value Lowering::evaluated(const Expression& argument) {
+// A name or an element passes its register or scalar. Any other expression passes a value of its own, also
+// one that computes nothing, such as `+A`: the body may write what it names.
+Value Lowering::lower_argument(const Expression& argument) {
   const Value value = lower(argument);
   const bool is_place = argument.kind == ExpressionKind::kName || argument.kind == ExpressionKind::kElement;
   if (is_place || value.is_temporary || value.is_constant()) return value;

@@ -65,8 +65,10 @@ class Lowering {
     Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
     Value direction, fraction;  // of a step that is no constant: its sign, what it is beyond a whole number
-    // A `for` with a fraction as its step computes its counter: first + round · step. Rounds count from 0.
+    // A `for` with a fraction as its step counts its rounds, from 0; its counter is first + round · step.
     Value first, round, last_round;
+
+    bool counts_rounds() const { return round.kind != Value::Kind::kNone; }
   };
   // A register of the caller that a macro's body writes as if there were no masks.
   struct MergedRegister {
@@ -137,7 +139,7 @@ class Lowering {
   // LowerMacro.cpp
   std::span<const Statement> body_of(std::uint32_t expansion) const;
   void check_arguments(const syntax::MacroExpansion&) const;
-  Value evaluated(const Expression& argument);
+  Value lower_argument(const Expression&);
   void enter_macro(const syntax::MacroExpansion&, std::span<const Statement> body);
   void leave_macro(std::uint32_t expansion);
   program::LocalName local_name(const Symbol&);
@@ -279,7 +281,7 @@ class Lowering {
   Value loop_invariant(const Value&);
   void count_rounds(Block&, const Value& first);
   static Value borrowed(Value);
-  Value compute_scalar(program::Opcode, const Value& a, const Value& b);
+  Value compute_scalar(program::Opcode, const std::vector<Value>& operands);
   void jump_unless_fraction(const Block&, ProgramBuilder::Label);
   void advance_for(const Block&);
   void emit_for_test(const Block&);

@@ -248,7 +248,8 @@ scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
 }
 
 scene::JointId Simulation::add_joint(const scene::JointSpec& spec) {
-  world::require_joint(scene().world.engine, spec);
+  if (const std::string error = world::validate_for_engine(spec, scene().world.engine); !error.empty())
+    throw scene::InputError(error);
   joints_.push_back(spec);
   return engine_->add_joint(spec);
 }

@@ -146,24 +146,24 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   group_large_neighbours();
 }
 
-// Those of a body follow each other, in the order in which they were found.
+// A counting sort: the neighbours of a body follow each other, in the order in which they were found.
 void CollisionPipeline::group_large_neighbours() {
   found_large_neighbours_.swap(large_neighbours_);
   large_neighbours_.resize(found_large_neighbours_.size());
-  for (const LargeNeighbour& n : found_large_neighbours_) ++large_neighbours_of_[n.body].end;
+  constexpr int kUnplaced = -1;
+  for (const LargeNeighbour& n : found_large_neighbours_) {
+    IndexRange& range = large_neighbours_of_[n.body];
+    range = {kUnplaced, range.end + 1};  // until it is placed, `end` counts
+  }
   int at = 0;
   for (const LargeNeighbour& n : found_large_neighbours_) {
     IndexRange& range = large_neighbours_of_[n.body];
-    if (range.begin >= 0) {  // the first of its body: ~begin is where the next of them goes
+    if (range.begin == kUnplaced) {
       const int count = range.end;
-      range = {~at, at};
+      range = {at, at};
       at += count;
     }
     large_neighbours_[range.end++] = n;
-  }
-  for (const LargeNeighbour& n : large_neighbours_) {
-    int& begin = large_neighbours_of_[n.body].begin;
-    if (begin < 0) begin = ~begin;
   }
 }
 

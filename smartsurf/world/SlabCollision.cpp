@@ -28,15 +28,15 @@ void anchor_at_centre_of_mass(const BodyStore& bodies, std::size_t i, std::span<
 }
 
 // The solver moves a body's points on straight paths, which leave its bounding sphere where it turns far in a
-// step. Drops the contacts from `first` on that the sphere does not reach in the step, with cells or the
-// ground, which rise by up to `rise`, u. Anchors are from the origin of the shape.
-void drop_out_of_reach(const BodyStore& bodies, std::size_t i, float dt_s, float rise, std::size_t first,
+// step. Drops the contacts from `first` on, with cells or the ground, that the sphere and a margin, u, do not
+// reach in the step. Anchors are from the origin of the shape.
+void drop_out_of_reach(const BodyStore& bodies, std::size_t i, float dt_s, float margin, std::size_t first,
                        std::vector<Contact>& contacts) {
-  constexpr float kFarTurn_rad = 0.25F, kMargin = 0.02F;  // u
+  constexpr float kFarTurn_rad = 0.25F;
   if (bodies.is_sphere[i] || bodies.angular_velocity(i).norm() * dt_s < kFarTurn_rad) return;
   const Vec3 motion = dt_s * bodies.velocity(i),
              offset = bodies.has_offsets ? bodies.origin_offset[i] : Vec3(Vec3::Zero());
-  const float reach = bodies.bounding_radius[i] + rise + kMargin;
+  const float reach = bodies.bounding_radius[i] + margin;
   const auto is_beyond = [&](const Contact& c) {
     return c.separation - c.normal.dot(c.anchor + offset) > reach + std::max(0.0F, -c.normal.dot(motion));
   };
@@ -152,14 +152,14 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
     collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, previous, results.cached_field, out.contacts);
-  drop_out_of_reach(bodies, i, dt_s_, field_.max_speed * dt_s_, first, out.contacts);
+  drop_out_of_reach(bodies, i, dt_s_, kMinSpeculativeMargin + field_.max_speed * dt_s_, first, out.contacts);
   const std::size_t field_contacts = out.contacts.size() - first;
   if (collider_.has_skin_or_tips())
     collider_.collide_skin_or_tips(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_) {
     const std::size_t ground_contacts = out.contacts.size();
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
-    drop_out_of_reach(bodies, i, dt_s_, 0.0F, ground_contacts, out.contacts);
+    drop_out_of_reach(bodies, i, dt_s_, kMinSpeculativeMargin, ground_contacts, out.contacts);
   }
   const bool in_cells = query_radius_[i] <= large_radius_;
   if (!in_cells || large_neighbours_of_[i].begin < large_neighbours_of_[i].end)

@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <random>
 #include <utility>
 #include <vector>
 
@@ -14,6 +13,13 @@ using namespace physics_fixture;
 using Eigen::Vector3d;
 
 namespace {
+
+template <class Draw>
+Vector3d random_direction(Draw draw) {
+  Vector3d at(1, 1, 1);
+  while (at.norm() > 1 || at.norm() < 0.01) at = {draw(-1, 1), draw(-1, 1), draw(-1, 1)};
+  return at.normalized();
+}
 
 // Principal moments of a solid box of density 1.
 Vector3d box_moments(const Vector3d& size) {
@@ -172,22 +178,14 @@ TEST_P(Rotation, TopKeepsItsTiltAndPrecesses) {
 
 // However fast it turns in a step.
 TEST_P(Rotation, FastFreeBodyKeepsItsEnergyAndMomentum) {
-  std::mt19937_64 random(5);
-  const auto draw = [&random](double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random);
-  };
-  for (int i = 0; i < 12; ++i) {
-    SCOPED_TRACE(i);
-    PhysicsFixture fixture;
+  for_random_fixtures(5, 12, GetParam(), [](PhysicsFixture& fixture, auto draw) {
     fixture.scene.world.gravity = Vector3d::Zero();
-    fixture.scene.world.dt_s = GetParam();
+    const double dt_s = fixture.scene.world.dt_s;
     const Vector3d size(draw(0.5, 3), draw(0.5, 3), draw(0.5, 3));
     auto object = box(size, {15, 15, 500});
-    object.mass = 1.0;
-    object.angular_velocity = draw(0.1, 20) / GetParam() * Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+    object.angular_velocity = draw(0.1, 30) / dt_s * random_direction(draw);
     const auto id = fixture.add(object);
-    const Vector3d squares = size.cwiseProduct(size),
-                   moments = (Vector3d::Constant(squares.sum()) - squares) / 12;
+    const Vector3d moments = box_moments(size);
     const auto energy_and_momentum = [&] {
       const auto& q = fixture.snapshot().orientation[id];
       const Eigen::Quaterniond turn(q[3], q[0], q[1], q[2]);
@@ -196,33 +194,26 @@ TEST_P(Rotation, FastFreeBodyKeepsItsEnergyAndMomentum) {
                        Vector3d(turn * moments.cwiseProduct(spin)));
     };
     const auto [energy, momentum] = energy_and_momentum();
-    fixture.run(120 * GetParam(), [&, energy = energy, momentum = momentum] {
+    fixture.run(120 * dt_s, [&, energy = energy, momentum = momentum] {
       const auto [now, turned] = energy_and_momentum();
       EXPECT_NEAR(now, energy, 0.02 * energy);
       EXPECT_LT((turned - momentum).norm(), 1e-4 * momentum.norm());
     });
-  }
+  });
 }
 
 // A body that turns above the cells, where no point of it comes near them.
 TEST_P(Rotation, SpinningBodyIsNotPushedByWhatItDoesNotReach) {
-  std::mt19937_64 random(9);
-  const auto draw = [&random](double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random);
-  };
-  for (int i = 0; i < 24; ++i) {
-    SCOPED_TRACE(i);
-    PhysicsFixture fixture;
+  for_random_fixtures(9, 24, GetParam(), [](PhysicsFixture& fixture, auto draw) {
     fixture.scene.world.gravity = Vector3d::Zero();
-    fixture.scene.world.dt_s = GetParam();
-    auto object = i % 2 == 0 ? box({draw(0.5, 4), draw(0.5, 4), draw(0.5, 4)}, {15, 15, 0})
-                             : cylinder(draw(0.3, 2), draw(0.5, 4), {15, 15, 0});
-    const double reach =
-        i % 2 == 0 ? 0.5 * object.size.norm() : std::hypot(object.radius, 0.5 * object.height);
+    const bool is_box = draw(0, 1) < 0.5;
+    auto object = is_box ? box({draw(0.5, 4), draw(0.5, 4), draw(0.5, 4)}, {15, 15, 0})
+                         : cylinder(draw(0.3, 2), draw(0.5, 4), {15, 15, 0});
+    const double reach = is_box ? 0.5 * object.size.norm() : std::hypot(object.radius, 0.5 * object.height);
     object.position.z() = reach + draw(0.05, 1.0);
-    object.angular_velocity = draw(0.05, 4) / GetParam() * Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+    object.angular_velocity = draw(0.05, 6) / fixture.scene.world.dt_s * random_direction(draw);
     const auto id = fixture.add(object);
     fixture.run(0.5);
     EXPECT_EQ(fixture.velocity(id), Eigen::Vector3f(0, 0, 0));
-  }
+  });
 }

@@ -26,7 +26,7 @@ std::string short_number(float value) {
   return digits;
 }
 
-// Of an actuator with raw numbers: what it describes must be what it can do.
+// Returns the error, or "" if the raw numbers of the actuator's channel can express what it describes.
 std::string validate_raw_range(const ssw_channel& c) {
   const float most = ssw_most_raw(c.dtype);
   const std::string possible = std::string("the ") + (c.dtype == SSW_U16 ? "u16" : "u8") + " of scale " +

@@ -75,6 +75,12 @@ HWY_INLINE SinCos sin_cos(V angle) {
 
 HWY_INLINE V3 unit(const V3& v) { return v * (set(1.0) / hn::Sqrt(dot(v, v))); }
 
+using Mask = hn::Mask<LanesTag<double>>;
+HWY_INLINE V3 choose(Mask mask, const V3& yes, const V3& no) {
+  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y),
+          hn::IfThenElse(mask, yes.z, no.z)};
+}
+
 HWY_INLINE Q4 rotation_by_vector(const V3& u) {
   const V angle = hn::Sqrt(dot(u, u));
   const SinCos half = sin_cos(angle * set(0.5));
@@ -100,38 +106,33 @@ struct PrincipalTensor {
   }
 };
 
-// A free turn of more than kMaxPartTurn, rad, is made in parts, in kMaxParts at most.
-constexpr double kMaxPartTurn = 1.0, kMaxParts = 256.0;
+// A free rotation by more than kMaxTurn, rad, takes several steps, up to kMaxSteps.
+constexpr double kMaxTurn = 1.0, kMaxSteps = 256.0;
 
 // Free rotation at constant angular momentum: the kinetic energy is split into that of a sphere, of the
 // middle moment, and what the least and the greatest moment add to it. Each part alone makes the body rotate
 // uniformly, about the momentum or about one of its own axes, and the first commutes with the others; these
 // are composed as half, whole, half (R. McLachlan, Explicit Lie–Poisson integration, 1993; J. Touma, J.
 // Wisdom, 1994). Exact for bodies with two equal moments and for rotation about one axis; otherwise of second
-// order, without drift of the energy. Fast turns are made in parts. Returns the new orientation, not quite
-// unit.
+// order, without drift of the energy, unless it turns by about π in a step, where it resonates: fast bodies
+// take several. Returns the new orientation, not quite unit.
 HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
-  const auto choose = [](auto mask, const V3& yes, const V3& no) HWY_ATTR {
-    return V3{hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y),
-              hn::IfThenElse(mask, yes.z, no.z)};
-  };
-  // The composition resonates with turns of about π.
   const V spin =
       hn::Sqrt(dot(momentum, momentum)) * hn::Max(hn::Abs(inverse.least), hn::Abs(inverse.greatest));
-  const V parts = hn::Min(hn::Max(hn::Ceil(spin * time / set(kMaxPartTurn)), set(1.0)), set(kMaxParts));
-  const V part_time = time / parts, half_time = part_time * set(0.5);
-  for (V part = zero();;) {
-    const auto turns = hn::Lt(part, parts);
+  const V steps = hn::Min(hn::Max(hn::Ceil(spin * time / set(kMaxTurn)), set(1.0)), set(kMaxSteps));
+  const V step_time = time / steps, half_time = step_time * set(0.5);
+  for (V step = zero();;) {
+    const Mask turns = hn::Lt(step, steps);
     Q4 next = q;
     V3 next_u = u, next_v = v;
     rotate_about(next_u, half_time * inverse.least * dot(next_u, momentum), next, next_v);
-    rotate_about(next_v, part_time * inverse.greatest * dot(next_v, momentum), next, next_u);
+    rotate_about(next_v, step_time * inverse.greatest * dot(next_v, momentum), next, next_u);
     rotate_about(next_u, half_time * inverse.least * dot(next_u, momentum), next, next_v);
     q = {hn::IfThenElse(turns, next.x, q.x), hn::IfThenElse(turns, next.y, q.y),
          hn::IfThenElse(turns, next.z, q.z), hn::IfThenElse(turns, next.w, q.w)};
-    part = part + set(1.0);
-    if (hn::AllFalse(LanesTag<double>(), hn::Lt(part, parts))) break;
-    // A rotation gives its axis's error of length to the other one: it would grow from part to part.
+    step = step + set(1.0);
+    if (hn::AllFalse(LanesTag<double>(), hn::Lt(step, steps))) break;
+    // A rotation passes the error of its axis's length on to the other axis: it would grow from step to step.
     u = choose(turns, unit(next_u), u);
     v = choose(turns, unit(next_v - u * dot(u, next_v)), v);
   }
@@ -140,16 +141,12 @@ HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const Principa
 
 // Where enabled, replaces the axes by ones with the same z, whose x is the projection of the previous x: the
 // axes of a shape of revolution then do not spin with it. Keeps the axes where x was nearly parallel to z.
-HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<LanesTag<double>> enabled) {
+HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, Mask enabled) {
   const V3 x = x_before - to.z * dot(to.z, x_before);
   const V length = hn::Sqrt(dot(x, x));
   const auto use = hn::And(enabled, hn::Gt(length, set(0.1)));
-  const V3 unit = x * (set(1.0) / hn::IfThenElse(use, length, set(1.0)));
-  auto pick = [&](const V3& yes, const V3& no) HWY_ATTR {
-    return V3{hn::IfThenElse(use, yes.x, no.x), hn::IfThenElse(use, yes.y, no.y),
-              hn::IfThenElse(use, yes.z, no.z)};
-  };
-  return {pick(unit, to.x), pick(cross(to.z, unit), to.y), to.z};
+  const V3 new_x = x * (set(1.0) / hn::IfThenElse(use, length, set(1.0)));
+  return {choose(use, new_x, to.x), choose(use, cross(to.z, new_x), to.y), to.z};
 }
 
 HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <numbers>
 
@@ -20,17 +19,14 @@ bool has_bullet() { return true; }
 bool has_bullet() { return false; }
 #endif
 
-void require_joint(const std::string& engine, const scene::JointSpec& joint) {
-  if (engine != "bullet" || joint.kind != scene::JointKind::kHinge || !joint.limits) return;
-  const auto is_beyond = [](double limit) {
-    return std::isfinite(limit) && std::abs(limit) > std::numbers::pi;
-  };
-  if (is_beyond(joint.limits->lower) || is_beyond(joint.limits->upper))
-    throw scene::InputError(
-        fmt::format("limits = {{{}, {}}}: a hinge's must be within half a turn, [-pi, pi], on the engine "
-                    "'bullet'; use the "
-                    "engine 'native'",
-                    joint.limits->lower, joint.limits->upper));
+std::string validate_for_engine(const scene::JointSpec& joint, const std::string& engine) {
+  if (engine != "bullet" || joint.kind != scene::JointKind::kHinge || !joint.limits) return {};
+  const auto [lower, upper] = *joint.limits;
+  if (-std::numbers::pi <= lower && upper <= std::numbers::pi) return {};
+  return fmt::format(
+      "limits = {{{}, {}}}: a hinge's must be within half a turn, [-pi, pi], on the engine "
+      "'bullet'; use the engine 'native'",
+      lower, upper);
 }
 
 void require_engine(const scene::SceneSpec& scene) {
@@ -42,11 +38,9 @@ void require_engine(const scene::SceneSpec& scene) {
         "engine 'bullet': this build has no Bullet; install libbullet-dev (scripts/setup) and build again");
   if (scene.surface.skin)
     throw scene::InputError("engine 'bullet': has no skins; remove surface.skin, or use the engine 'native'");
-  for (std::size_t i = 0; i < scene.joints.size(); ++i) try {
-      require_joint(scene.world.engine, scene.joints[i]);
-    } catch (const scene::InputError& error) {
-      throw scene::InputError(fmt::format("joint {}: {}", i, error.what()));
-    }
+  for (std::size_t i = 0; i < scene.joints.size(); ++i)
+    if (const std::string error = validate_for_engine(scene.joints[i], scene.world.engine); !error.empty())
+      throw scene::InputError(fmt::format("joint {}: {}", i, error));
   for (const scene::ActuatorSpec& actuator : scene.surface.effective_actuators()) {
     if (actuator.model == "pin" && actuator.has("stiffness"))
       throw scene::InputError(

@@ -13,11 +13,11 @@ namespace smartsurf::world {
 // True if Bullet was installed when the program was built.
 bool has_bullet();
 
-// Throws scene::InputError, one clause, if the engine of that name cannot have such a joint.
-void require_joint(const std::string& engine, const scene::JointSpec&);
+// "" or one clause, as validate(): what the engine of that name cannot do of a valid joint.
+std::string validate_for_engine(const scene::JointSpec&, const std::string& engine);
 
-// Throws scene::InputError if this build lacks the engine named by WorldSpec::engine, or that engine
-// something of the scene.
+// Throws scene::InputError if this build lacks the engine named by WorldSpec::engine, or if that engine lacks
+// something that the scene has.
 void require_engine(const scene::SceneSpec&);
 
 // The engine named by WorldSpec::engine, with the scene's objects and joints. `field` and `pool` must outlive

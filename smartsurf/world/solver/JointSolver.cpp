@@ -426,7 +426,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
   }
   for (int t = trees.begin; t < trees.end; ++t)
     for (const std::int32_t k : joints_of(equations_.trees()[t]))
-      if (blocks_[k].is_active) blocks_[k].speeds_to_keep = speeds(blocks_[k]);
+      if (equations_.trees()[t].has_loop && blocks_[k].is_active) blocks_[k].end_speeds = speeds(blocks_[k]);
   store_velocities(rows, trees);
 }
 
@@ -634,8 +634,8 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     const RowVector now = speeds(block);
     if (has_changed_segments)
       out.head(n) = (block.solved_speeds - now).head(n);
-    else if (stage == Stage::kSolveAgain && tree.has_loop)  // see Stage
-      out.head(n) = (block.speeds_to_keep - now).head(n);
+    else if (stage == Stage::kSolveAgain && tree.has_loop)
+      out.head(n) = (block.end_speeds - now).head(n);
     else if (stage != Stage::kRelax)
       out.head(n) = (block.target_error - rigid_error(j, block.held_frame_a, block.held_anchor_b,
                                                       bodies_[block.a].next, bodies_[block.b].next))

@@ -160,10 +160,10 @@ class JointSolver {
     bool is_active = false;
     int rigid_rows = 0;  // the first ones; the last one of all is the axis, if the joint has a coordinate
     RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
-    RowVector response = RowVector::Zero();        // change of each row's speed by a unit impulse along it
-    RowVector solved_speeds = RowVector::Zero();   // before the segments of axes changed
-    RowVector speeds_to_keep = RowVector::Zero();  // those with which solve() ends
-    RowVector error = RowVector::Zero();           // of the rigid rows
+    RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
+    RowVector solved_speeds = RowVector::Zero();  // before the segments of axes changed
+    RowVector end_speeds = RowVector::Zero();     // with which solve() ends; of trees with loops
+    RowVector error = RowVector::Zero();          // of the rigid rows
     // The frame of a and the anchor of b that the part holds together, and what is to be left of their error.
     Quatd held_frame_a{1, 0, 0, 0};
     Vec3d held_anchor_b{0, 0, 0};
@@ -199,9 +199,10 @@ class JointSolver {
       if (is_selected()) role = Role::kOpen;
     }
   };
-  // kSolveAgain: after contacts. Where a loop is stretched out, its rows depend on each other, and the curved
-  // paths of its bodies leave an error of second order that no impulse takes out, but great ones would be
-  // found for: trees with loops keep the speeds along their rows instead.
+  // kSolveAgain: after contacts have changed the speeds. The rows of a loop that is stretched out are
+  // linearly dependent. The curved paths of its bodies leave a second-order error in them that no impulse
+  // removes; solving for it would give huge impulses. Trees with loops therefore return to the speeds that
+  // solve() found along their rows, and the next substep corrects the error.
   enum class Stage { kSolve, kSolveAgain, kRelax };
 
   const Joint* find(scene::JointId) const;

@@ -105,7 +105,7 @@ class Solver {
     std::vector<SupportBatch>& supports;      // of the member's batches
 
     bool may_impact() const { return any_restitution || !all_spheres; }
-    // Without restitution only what lands flat does.
+    // Without restitution only faces that land flat do.
     bool may_impact(ContactKind kind) const { return any_restitution || !is_sphere_kind(kind); }
     bool has_joint_or_tip_stage() const {
       return !input.joints.empty() || !input.tips.empty() || !input.skin.empty();

@@ -1,6 +1,5 @@
 // surface_bridge and an emulated device: good lines, bad lines, silence, unplugging, ends.
 #include <gtest/gtest.h>
-#include <netinet/in.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/ObserverEndpoint.h>
 #include <sys/socket.h>
@@ -15,6 +14,7 @@
 
 #include "shm-protocol/hardware/fake/toy.h"
 #include "shm-protocol/hardware/firmware/wire.h"
+#include "tests/system/hardware/Listener.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
 
@@ -273,23 +273,11 @@ class Describer {
       ssw_put_channel(&c, payload);
       add(SSW_CHANNEL, {payload, SSW_CHANNEL_BYTES});
     }
-    listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in where{
-        .sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
-    socklen_t size = sizeof where;
-    auto* const address = reinterpret_cast<sockaddr*>(&where);
-    EXPECT_EQ(::bind(listener_, address, size), 0);
-    EXPECT_EQ(::listen(listener_, 1), 0);
-    ::getsockname(listener_, address, &size);
-    port = "tcp:127.0.0.1:" + std::to_string(ntohs(where.sin_port));
   }
-  ~Describer() { ::close(listener_); }
-  Describer(const Describer&) = delete;
-  Describer& operator=(const Describer&) = delete;
 
   // Sends this frame so many times and cuts the line, or, without a frame, waits until the bridge leaves.
   void serve(std::uint32_t tick = 0, int frames = 0) {
-    const int line = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+    const int line = listener_.accept();
     EXPECT_EQ(::send(line, bytes_.data(), bytes_.size(), MSG_NOSIGNAL), std::ssize(bytes_));
     for (int frame = 0; frame < frames; ++frame) {
       const std::uint8_t data[SSW_DATA_HEADER + 1] = {}, end[SSW_SENSOR_END_BYTES] = {1};
@@ -305,7 +293,7 @@ class Describer {
     ::close(line);
   }
 
-  std::string port;
+  const std::string& port() const { return listener_.port; }
 
  private:
   void add(std::uint8_t type, std::span<const std::uint8_t> payload, std::uint32_t tick = 0) {
@@ -313,7 +301,7 @@ class Describer {
     const ssw_packet packet{type, sequence_++, tick, payload.data(), payload.size()};
     bytes_.append(reinterpret_cast<const char*>(encoded), ssw_write(&packet, encoded));
   }
-  int listener_ = -1;
+  Listener listener_;
   std::uint8_t sequence_ = 0;
   std::string bytes_;
 };
@@ -326,7 +314,7 @@ TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
         {{{"a", std::string(16, 'u')}}, "unit \"uuuuuuuuuuuuuuuu\""},
         {{{"a", ""}, {"a", ""}}, "channel 1 'a' of the device: is named twice"}}) {
     Describer device(channels);
-    Program bridge({SURFACE_BRIDGE, device.port, "--shm", surface_name("bridge-unusable")});
+    Program bridge({SURFACE_BRIDGE, device.port(), "--shm", surface_name("bridge-unusable")});
     device.serve();
     EXPECT_EQ(bridge.wait(), 1);
     const std::string said = bridge.output();
@@ -338,12 +326,12 @@ TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
 TEST(Bridge, UnusableBoardOfATableIsNamed) {
   Describer device({{"a", ""}, {"a", ""}});
   const std::string name = surface_name("bridge-unusable-board"), file = line_path(name) + ".toml";
-  std::ofstream(file) << "name = \"t\"\nperiod_us = 10000\n\n[[board]]\ndevice = \"" << device.port
+  std::ofstream(file) << "name = \"t\"\nperiod_us = 10000\n\n[[board]]\ndevice = \"" << device.port()
                       << "\"\nat = [0, 0]\n";
   Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name, "--connect", "4"});
   device.serve();
   EXPECT_EQ(bridge.wait(), 3);
-  const std::string place = file + ":4: board '" + device.port + "': ",
+  const std::string place = file + ":4: board '" + device.port() + "': ",
                     why = "channel 1 'a' of the device: is named twice";
   EXPECT_NE(bridge.output().find(place + why + "; it is not used"), std::string::npos) << bridge.output();
   EXPECT_NE(bridge.output().find("error: " + place +
@@ -356,7 +344,7 @@ TEST(Bridge, UnusableBoardOfATableIsNamed) {
 // Firmware that hangs falls silent, however often it repeats its frame.
 TEST(Bridge, RepeatedFrameIsNoNewFrame) {
   Describer device(std::vector<std::pair<std::string, std::string>>{{"a", ""}});
-  Program bridge({SURFACE_BRIDGE, device.port, "--shm", surface_name("bridge-hangs"), "--silence", "0.1"});
+  Program bridge({SURFACE_BRIDGE, device.port(), "--shm", surface_name("bridge-hangs"), "--silence", "0.1"});
   device.serve(5, 60);
   bridge.signal(SIGTERM);
   EXPECT_EQ(bridge.wait(), 143);

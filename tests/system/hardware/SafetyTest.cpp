@@ -4,7 +4,6 @@
 // damaged on the line.
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <sys/mman.h>
@@ -22,6 +21,7 @@
 #include <thread>
 
 #include "shm-protocol/hardware/firmware/wire.h"
+#include "tests/system/hardware/Listener.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
 
@@ -131,21 +131,12 @@ TEST(SuspendedController, LeavesPinsWhereTheyAre) {
 class DeafDevice {
  public:
   DeafDevice() {
-    sockaddr_in where{
-        .sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
-    socklen_t size = sizeof where;
-    auto* const address = reinterpret_cast<sockaddr*>(&where);
-    EXPECT_EQ(::bind(listener_, address, size), 0);
-    EXPECT_EQ(::listen(listener_, 1), 0);
-    ::getsockname(listener_, address, &size);
-    port = "tcp:127.0.0.1:" + std::to_string(ntohs(where.sin_port));
     thread_ = std::thread([this] { run(); });
   }
   ~DeafDevice() {
     over_ = true;
     thread_.join();
     ::close(line_);
-    ::close(listener_);
   }
   DeafDevice(const DeafDevice&) = delete;
   DeafDevice& operator=(const DeafDevice&) = delete;
@@ -158,7 +149,7 @@ class DeafDevice {
     return testing::AssertionFailure() << frames - before << " of " << more << " frames came";
   }
 
-  std::string port;
+  const std::string& port() const { return listener_.port; }
   std::atomic<int> safe = 0, raised = 0;
 
  private:
@@ -198,10 +189,10 @@ class DeafDevice {
     ssw_receiver receiver;
     ssw_receiver_init(&receiver);
     for (auto next = Clock::now(); !over_;) {
-      pollfd ready{line_ < 0 ? listener_ : line_, POLLIN, 0};
+      pollfd ready{line_ < 0 ? listener_.descriptor() : line_, POLLIN, 0};
       ::poll(&ready, 1, 1);
       if (line_ < 0 && (ready.revents & POLLIN)) {
-        line_ = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+        line_ = listener_.accept();
       } else if (ready.revents & POLLIN) {
         std::array<std::uint8_t, 4096> bytes;
         const ssize_t got = ::read(line_, bytes.data(), bytes.size());
@@ -215,7 +206,8 @@ class DeafDevice {
     }
   }
 
-  int listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), line_ = -1;
+  Listener listener_;
+  int line_ = -1;
   std::uint8_t sequence_ = 0, last_ = 0;
   std::uint32_t tick_ = 0;
   bool running_ = false;
@@ -228,10 +220,10 @@ class SafeFrames : public testing::TestWithParam<const char*> {
  protected:
   void start(const std::string& what, const std::string& mode) {
     name_ = surface_name(what + GetParam());
-    std::vector<std::string> words{SURFACE_BRIDGE, device_.port};
+    std::vector<std::string> words{SURFACE_BRIDGE, device_.port()};
     if (GetParam() == std::string("Table")) {
       file_ = line_path(name_) + ".toml";
-      std::ofstream(file_) << "name = 't'\nperiod_us = 10000\n[[board]]\ndevice = '" << device_.port
+      std::ofstream(file_) << "name = 't'\nperiod_us = 10000\n[[board]]\ndevice = '" << device_.port()
                            << "'\nat = [0, 0]\n";
       words = {SURFACE_BRIDGE, "--table", file_};
     }
