@@ -28,6 +28,8 @@ enum class Partner : std::int32_t {
 
 // One contact point.
 struct Contact {
+  Contact() {}  // leaves the normal and the anchor as they are, where emplace_back() would clear all first
+
   Vec3 normal;                     // unit, towards body a
   Vec3 anchor;                     // from a's centre of mass to the point, world axes, u
   float separation = 0.0F;         // along the normal, u; negative when penetrating

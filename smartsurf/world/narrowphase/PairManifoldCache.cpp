@@ -170,10 +170,11 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
   const CachedManifold* cached = find(a, b, chunk_cache);
   SimplexCache simplex_cache;
   if (cached && cached->simplex_cache) simplex_cache = *cached->simplex_cache;
-  CachedManifold& manifold = chunk_cache.manifolds.emplace_back();
+  const bool is_kept = cached && is_valid(bodies, pose, *cached, margin);
+  CachedManifold& manifold =
+      is_kept ? chunk_cache.manifolds.emplace_back(*cached) : chunk_cache.manifolds.emplace_back();
   const auto first_point = static_cast<std::int32_t>(chunk_cache.points.size());
-  if (cached && is_valid(bodies, pose, *cached, margin)) {
-    manifold = *cached;
+  if (is_kept) {
     chunk_cache.points.insert(chunk_cache.points.end(), cached->points, cached->points + cached->point_count);
   } else {
     manifold.a = static_cast<std::int32_t>(a);

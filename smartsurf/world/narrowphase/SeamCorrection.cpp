@@ -74,6 +74,12 @@ class Neighbours {
   void for_each(std::size_t body, Visit visit) const {
     for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next) visit(neighbours_[k].manifold);
   }
+  template <class Is>
+  bool any_of(std::size_t body, Is is) const {
+    for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next)
+      if (is(neighbours_[k].manifold)) return true;
+    return false;
+  }
 
  private:
   std::vector<std::int32_t> first_, static_;
@@ -119,13 +125,21 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
   return may_continue(*bodies.shape[other], bodies.axes[other].transpose() * (point - bodies.origin(other)));
 }
 
-// True if the body slides over two others that move together at the point.
-bool slides_on_both(const BodyStore& bodies, std::int32_t body, std::int32_t one, std::int32_t next,
-                    const Vec3& point) {
-  const Vec3 speed = velocity_at(bodies, one, point);
-  const float sliding = (bodies.velocity(body) - speed).norm();
-  return sliding >= kSliding &&
-         (velocity_at(bodies, next, point) - speed).norm() < std::max(kTogether, kTogetherShare * sliding);
+// False if the body slides at no point of the manifold, as the motion of the bodies alone tells: most are at
+// rest.
+bool may_slide(const BodyStore& bodies, std::int32_t body, const Manifold& m) {
+  const std::int32_t other = m.a == body ? m.b : m.a;
+  Vec3 relative = bodies.velocity(body);
+  float turning = 0.0F;
+  if (other >= 0 && bodies.is_active(other)) {
+    // Points that either body may have are well within this of the other's centre of mass, u.
+    const float reach =
+        2.0F * ((bodies.position[body] - bodies.position[other]).norm() + bodies.bounding_radius[body] +
+                bodies.bounding_radius[other]);
+    relative -= bodies.velocity(other);
+    turning = reach * bodies.angular_velocity(other).norm();
+  }
+  return relative.norm() + turning >= kSliding;
 }
 
 // A contact of a body, and what it becomes.
@@ -213,11 +227,19 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   thread_local std::vector<SeamContact> seam;
   thread_local std::vector<Solid> solids;
   if (!bodies.is_active(i) || !neighbours.has_several(i)) return;
+  const bool slides_on_fixed = neighbours.static_of(i) >= 0 && bodies.velocity(i).norm() >= kSliding;
+  if (!slides_on_fixed &&
+      !neighbours.any_of(i, [&](std::int32_t k) { return may_slide(bodies, i, pairs.manifolds[k]); }))
+    return;
   find_touched(bodies, i, neighbours, pairs, statics, touched);
   if (touched.size() < 2) return;
   for (Touched& one : touched)
     for (const Contact& c : one.contacts) {
-      const Vec3 point = bodies.position[one.manifold->a] + c.anchor;
+      const Vec3 point = bodies.position[one.manifold->a] + c.anchor,
+                 speed = velocity_at(bodies, one.other, point);
+      const float sliding = (bodies.velocity(i) - speed).norm();
+      if (sliding < kSliding) continue;
+      const float together = std::max(kTogether, kTogetherShare * sliding);
       // The contact's point may be on the body, as far away as it travels in a step.
       const bool is_of_body = one.manifold->a == i;
       const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
@@ -225,9 +247,10 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
         // Fixed bodies have been corrected among each other.
         const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
         if (next.other == one.other || are_fixed || (one.is_under && next.is_under)) continue;
-        const bool is_near = may_continue(bodies, next.other, point) ||
-                             (is_of_body && may_continue(bodies, next.other, on_other));
-        if (is_near && slides_on_both(bodies, i, one.other, next.other, point))
+        // The body slides over both if these move together at the point.
+        if ((velocity_at(bodies, next.other, point) - speed).norm() >= together) continue;
+        if (may_continue(bodies, next.other, point) ||
+            (is_of_body && may_continue(bodies, next.other, on_other)))
           one.is_under = next.is_under = true;
       }
     }
