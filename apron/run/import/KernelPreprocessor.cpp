@@ -70,6 +70,7 @@ class ConditionParser {
       const KernelToken token = peek();
       if (i_ < tokens_.size()) ++i_;
       if (token.is("!")) return unary() == 0.0 ? 1.0 : 0.0;
+      if (token.is("+")) return unary();
       if (token.is("-")) return -unary();
       if (token.is("~")) return -unary() - 1.0;
       if (token.is("(")) {

@@ -38,6 +38,13 @@ def positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text}: must be a finite number above 0")
 
 
+def not_negative(text: str) -> float:
+    """The type of an argument that is a number, 0 or above."""
+    if 0 <= _number(text) < math.inf:
+        return float(text)
+    raise argparse.ArgumentTypeError(f"{text}: must be a finite number, 0 or above")
+
+
 def share(text: str) -> float:
     """The type of an argument that is a number from 0 to 1."""
     if 0 <= _number(text) <= 1:

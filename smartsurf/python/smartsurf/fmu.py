@@ -10,7 +10,6 @@ simulator for this kind of machine; Debian's libraries that the simulator is lin
 """
 from __future__ import annotations
 
-import argparse
 import hashlib
 import os
 import pathlib
@@ -20,6 +19,7 @@ import zipfile
 from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
+from ._arguments import Parser, whole
 from ._core import Error, __version__
 from ._printable import guard_output, printable
 from ._simulation import Simulation
@@ -141,16 +141,16 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="smartsurf fmu", description="Packs an experiment as a functional mock-up unit (FMI 3.0).")
+    parser = Parser(prog="smartsurf fmu", description="Packs an experiment as a functional mock-up unit (FMI 3.0).")
     parser.add_argument("experiment", metavar="EXPERIMENT.lua")
     parser.add_argument("-o", "--output", required=True, metavar="FILE.fmu")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="give an option of the script another value")
-    parser.add_argument("--seed", type=int, metavar="N", help="the start of the parameter seed (default: the script's)")
+    parser.add_argument("--seed", type=whole(0, 2**64 - 1), metavar="N", help="the start of the parameter seed (default: the script's)")
     parser.add_argument("--with", action="append", default=[], dest="files", metavar="FILE", help="a file that the script reads")
-    given = parser.parse_args()
     try:
+        given = parser.parse_args()
         pack(given.experiment, given.output, given.set, given.seed, given.files)
-    except (FmuError, Error, OSError) as error:
+    except (FmuError, Error, OSError, ValueError) as error:
         print(f"smartsurf: {printable(error)}", file=sys.stderr)
         return 2
     return 0

@@ -378,6 +378,7 @@ class Fmu(FormatTest):
                                 (["table.lua", "-o", "a.zip"], ".fmu"), (["table.lua", "-o", "none/a.fmu"], "no folder none"),
                                 (["table.lua", "-o", "a.fmu", "--set", "count"], "NAME=VALUE"),
                                 (["table.lua", "-o", "a.fmu", "--set", "size=2"], "size"),
+                                (["table.lua", "-o", "a.fmu", "--seed", "-1"], "--seed: -1: must be a whole number, 0 to"),
                                 (["table.lua", "-o", "a.fmu", "--with", "/etc/passwd"], "below"),
                                 (["table.lua", "-o", "x.fmu", "--with", "x.fmu"], "overwrite"),
                                 (["table.lua", "-o", "y.fmu", "--with", "x.fmu"], "overwrite"),

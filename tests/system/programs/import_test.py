@@ -53,7 +53,7 @@ FORMS = {
                              "int main(){ scamp5_in(A, JOINED(v, N)); scamp5_in(B, CAT(v, N)); scamp5_in(C, TWICE(v, N)); scamp5_in(D, N); SET(JOINED(R, N)); }",
     "endless loops": "int upto(int n){ while (1) { n += 4; if (n > 20) return n; } } int main(){ scamp5_in(A, upto(3)); int n = 0; for (;;) { n++; if (n == 7) break; add(B, B, A); }"
                      " scamp5_in(C, n); while (true) { for (int k = 0; k < 5; k++) { n++; if (k == 2) break; } if (n > 15) { break; } } scamp5_in(D, n); }",
-    "conditions": "#define FAST 1\n#if FAST && !defined(SLOW) && (3 > 2)\nint k = 1;\n#else\nint k = 2;\n#endif\n#ifdef SLOW\nint m = 9;\n"
+    "conditions": "#define FAST 1\n#if +FAST && !defined(SLOW) && (3 > 2)\nint k = 1;\n#else\nint k = 2;\n#endif\n#ifdef SLOW\nint m = 9;\n"
                   "#elif FAST == 2\nint m = 8;\n#else\nint m = 7;\n#endif\n#if 0\nbroken(\n#endif\n"
                   "int main(){ scamp5_in(A, k); scamp5_in(B, m); }",
     "scopes": "int n = 1; void f(){ int n = 5; for (int i = 0; i < 2; i++) n++; scamp5_in(B, n); }"

@@ -166,6 +166,7 @@ class Training(ExperimentTest):
                                    ("--test", "-1", "a whole number, 0 to 2147483647"), ("--test", "1.5", "a whole number"),
                                    ("--memory", "-1", "a whole number, 0 to"), ("--iterations", "0", "a whole number, 1 to"),
                                    ("--hidden", "4,0", "a whole number, 1 to"), ("--together", "1.5", "a number, 0 to 1"),
+                                   ("--entropy", "nan", "a finite number, 0 or above"), ("--entropy", "-1", "a finite number, 0 or"),
                                    *((flag, value, "a finite number above 0") for flag in ("--deviation", "--learning-rate")
                                      for value in ("nan", "-1", "0", "inf", "much"))):
             with self.subTest(flag=flag, value=value):
