@@ -133,9 +133,8 @@ bool may_slide(const BodyStore& bodies, std::int32_t body, const Manifold& m) {
   float turning = 0.0F;
   if (other >= 0 && bodies.is_active(other)) {
     // Points that either body may have are well within this of the other's centre of mass, u.
-    const float reach =
-        2.0F * ((bodies.position[body] - bodies.position[other]).norm() + bodies.bounding_radius[body] +
-                bodies.bounding_radius[other]);
+    const float reach = 2.0F * ((bodies.position[body] - bodies.position[other]).norm() +
+                                bodies.bounding_radius[body] + bodies.bounding_radius[other]);
     relative -= bodies.velocity(other);
     turning = reach * bodies.angular_velocity(other).norm();
   }
