@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "common/process/WindowLibrary.h"
-#include "common/text/Suggestion.h"
 #include "shm-protocol/hardware/bridge/ControlSocket.h"
 #include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/Run.h"
@@ -80,8 +79,8 @@ std::string reason_not_to_open(const std::string& file) {
 
 bool needs_rerun(const record::Recording& recording, const RenderOptions& options) {
   const std::string& channel = options.view.overlay.channel;
-  if (channel.empty() || !common::nearest_name(channel, {"height"}).empty() ||
-      channel.starts_with(view::kRegisterPrefix) || channel.starts_with(kCommandPrefix))
+  if (channel.empty() || channel == "height" || channel.starts_with(view::kRegisterPrefix) ||
+      channel.starts_with(kCommandPrefix))
     return false;
   return recording.channel_names("sensors").empty();
 }

@@ -134,6 +134,18 @@ class Replay(ProgramTest):
         self.assertFalse((self.folder / "x.png").exists())
 
     @needs_view
+    def test_sensors_named_like_other_channels_are_sensed_again(self):
+        self.write("weight.lua", """
+            surface { rows = 6, columns = 6, actuator = pin {}, sensors = { pressure { name = 'weight' } } }
+            record { sensors = false }
+            sphere { radius = 1, position = {2.5, 2.5, 2} }
+            """)
+        for command in (["run", "weight.lua", "--no-controller", "--until", "0.2", "--record", "weight.h5"],
+                        ["replay", "weight.h5", "--screenshot", "x.png", "--cells", "weight", *SMALL_PICTURE]):
+            status, _, err = self.run_program(SMARTSURF, *command)
+            self.assertEqual(status, 0, err)
+
+    @needs_view
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_video(self):
         recording = self.record_wave(until=0.2)
