@@ -402,13 +402,16 @@ void Run::record_tick() {
   phase_times_.lap(Phase::kRecord);
   if (observer_) observer_(simulation_);
   if (display_->has_window()) mark_events();
+  const bool is_last = end_tick_ && snapshot.tick >= *end_tick_;
+  const double next_time_s =
+      static_cast<double>(snapshot.tick + 1) * simulation_.scene().world.control_period_s;
   const auto before_pictures = Clock::now();
-  media_.write_due(frame_input());
+  media_.write_due(frame_input(), is_last ? std::nullopt : std::optional(next_time_s));
   const auto drawn_for = Clock::now() - before_pictures;
   pictures_time_ += drawn_for;
   progress_.leave_out(drawn_for);
   phase_times_.lap(Phase::kRender);
-  if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(common::kDone, "done");
+  if (is_last) set_ending(common::kDone, "done");
 }
 
 view::FrameInput Run::frame_input() {

@@ -326,9 +326,17 @@ int add_pin_mesh(GltfFile& file, const scene::SurfaceSpec& s, const char* name, 
                        file.material({kPinColour[0], kPinColour[1], kPinColour[2], 1.0}));
 }
 
-// heights: of each frame, row-major.
-void add_pins(GltfFile& file, const scene::SurfaceSpec& s, const std::vector<std::vector<float>>& heights,
-              std::span<const float> recess) {
+// recess: of the same frame, because it follows the mechanism and the skin.
+std::vector<float> drawn_tops(std::span<const float> heights, std::span<const float> recess) {
+  std::vector<float> tops(heights.size());
+  for (std::size_t cell = 0; cell < tops.size(); ++cell)
+    tops[cell] =
+        (std::isfinite(heights[cell]) ? heights[cell] : 0.0F) - (recess.empty() ? 0.0F : recess[cell]);
+  return tops;
+}
+
+// tops: z of the pins as they are drawn, of each frame, row-major.
+void add_pins(GltfFile& file, const scene::SurfaceSpec& s, const std::vector<std::vector<float>>& tops) {
   const int pin = add_pin_mesh(file, s, "pin", s.pin.length);
   // The border stands on the level of the lowest pin's foot.
   const int wall = s.border_height
@@ -340,10 +348,7 @@ void add_pins(GltfFile& file, const scene::SurfaceSpec& s, const std::vector<std
       if (s.is_empty(row, column)) continue;
       const Eigen::Vector2f at = s.centre(row, column).cast<float>();
       Track<3> track;
-      for (const std::vector<float>& frame : heights) {
-        const float z = std::isfinite(frame[cell]) ? frame[cell] : 0.0F;
-        track.values.push_back({at.x(), at.y(), z - (recess.empty() ? 0.0F : recess[cell])});
-      }
+      for (const std::vector<float>& frame : tops) track.values.push_back({at.x(), at.y(), frame[cell]});
       const int node = file.add_node({{"name", "pin " + std::to_string(row) + "," + std::to_string(column)},
                                       {"mesh", s.is_border(row, column) ? wall : pin}});
       if (!s.cell_poses.empty()) {
@@ -400,13 +405,13 @@ void add_table(GltfFile& file, const Recording& recording, const std::vector<std
   const scene::SurfaceSpec& s = recording.spec().surface;
   view::ActuatorGeometry geometry(s);
   geometry.keep_hidden_parts();
-  std::vector<std::vector<float>> heights;
+  std::vector<std::vector<float>> tops;
   std::vector<std::vector<ObjectTracks>> tracks;  // of each mesh, each instance
   std::vector<std::vector<int>> meshes;
   for (std::size_t f = 0; f < frames.size(); ++f) {
     const scene::Snapshot snapshot = recording.read_snapshot(frames[f]);
-    heights.push_back(snapshot.height);
     geometry.update(snapshot);
+    tops.push_back(drawn_tops(snapshot.height, geometry.recess()));
     if (f == 0) {
       tracks.resize(geometry.meshes().size()), meshes.resize(geometry.meshes().size());
       for (std::size_t m = 0; m < geometry.meshes().size(); ++m) {
@@ -426,7 +431,7 @@ void add_table(GltfFile& file, const Recording& recording, const std::vector<std
         add_pose(i < instances.size() ? &instances[i] : nullptr, tracks[m][i]);
       }
   }
-  if (recording.has_heights()) add_pins(file, s, heights, geometry.recess());
+  if (recording.has_heights()) add_pins(file, s, tops);
   for (std::size_t m = 0; m < tracks.size(); ++m)
     for (std::size_t i = 0; i < tracks[m].size(); ++i) {
       const int node = file.add_node(

@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "common/files/AtomicFile.h"
+#include "smartsurf/scene/SurfaceBounds.h"
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/Base64.h"
 #include "smartsurf/web/Frames.h"
@@ -66,18 +67,24 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
   return channels;
 }
 
+// Objects far away, such as those that fall beside the table, cost bytes, but coarsen no position.
 SeriesLayout position_layout(const Recording& recording, const std::vector<std::size_t>& frames) {
   SeriesLayout layout{0.0, 1.0, 2, 3 * recording.spec().objects.size()};
   layout.low = std::numeric_limits<double>::infinity();
   layout.high = -layout.low;
   for (const std::size_t frame : frames)
     for (const float value : recording.read_positions(frame, 1)) {
-      // Ignore objects that have fallen far below the table; they would coarsen the quantization.
-      if (!std::isfinite(value) || std::abs(value) > 1e4F) continue;
+      if (!std::isfinite(value)) continue;
       layout.low = std::min(layout.low, double{value});
       layout.high = std::max(layout.high, double{value});
     }
-  if (!(layout.low < layout.high)) layout.low = 0.0, layout.high = 1.0;
+  if (!(layout.low <= layout.high)) layout.low = layout.high = 0.0;
+  const scene::SurfaceBounds table = scene::compute_surface_bounds(recording.spec().surface);
+  const double longest = 4.0 * std::max(table.width(), table.height());  // that two bytes resolve
+  if (layout.high - layout.low > longest) {
+    layout.bytes_per_value = 4;
+    layout.high = std::max(layout.high, layout.low + longest / 0xFFFE * 0xFFFFFFFE);
+  }
   return layout;
 }
 
@@ -205,7 +212,7 @@ void encode_skin(const Recording& recording, const std::vector<std::size_t>& fra
 }
 
 void require_size_limit(const Recording& recording, std::size_t frames) {
-  std::size_t bytes_per_frame = 14 * recording.spec().objects.size();
+  std::size_t bytes_per_frame = 20 * recording.spec().objects.size();  // positions of 12 at most
   const std::size_t cells = recording.spec().surface.cell_count();
   if (const auto& skin = recording.spec().surface.skin)
     bytes_per_frame += 6 * static_cast<std::size_t>(skin->rows) * static_cast<std::size_t>(skin->columns);

@@ -1,4 +1,4 @@
-// Encodes frames for the page: values are quantized to 8 or 16 bits, delta-encoded between frames
+// Encodes frames for the page: values are quantized to 8, 16 or 32 bits, delta-encoded between frames
 // and compressed. Internal to this module.
 //
 // Arrays are stored one after another, because similar data compress better together.
@@ -14,7 +14,7 @@ namespace smartsurf::web {
 // Layout of one array in the stream, frames × values.
 struct SeriesLayout {
   double low = 0.0, high = 1.0;  // values of code 0 and of the largest code
-  int bytes_per_value = 2;       // 1 or 2; unsigned, with all bits set = no value
+  int bytes_per_value = 2;       // 1, 2 or 4; unsigned, with all bits set = no value
   std::size_t values_per_frame = 0;
 };
 
@@ -30,7 +30,7 @@ class SeriesEncoder {
 
  private:
   SeriesLayout layout_;
-  std::vector<std::uint16_t> last_;
+  std::vector<std::uint32_t> last_;
   std::vector<std::uint8_t> bytes_;
 };
 

@@ -5,7 +5,7 @@ const byId = (id) => document.getElementById(id);
 const scene = JSON.parse(byId('scene').textContent);
 
 // ---- Frames. Arrays are stored one after another. Each frame is the difference from the previous one, all
-// low bytes before all high bytes. See SeriesEncoder.h.
+// low bytes before all higher ones. See SeriesEncoder.h.
 async function unpack() {
   const text = atob(byId('frames').textContent);
   const packed = new Uint8Array(text.length);
@@ -15,14 +15,15 @@ async function unpack() {
   const series = {};
   let at = 0;
   for (const layout of scene.series) {
-    const frames = scene.time.length, n = layout.values, wide = layout.bytes === 2;
-    const all = wide ? new Uint16Array(frames * n) : new Uint8Array(frames * n);
+    const frames = scene.time.length, n = layout.values;
+    const all = new { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array }[layout.bytes](frames * n);
     for (let f = 0; f < frames; ++f, at += n * layout.bytes)
       for (let i = 0; i < n; ++i) {
-        const change = bytes[at + i] | (wide ? bytes[at + n + i] << 8 : 0);
+        let change = 0;
+        for (let b = 0; b < layout.bytes; ++b) change |= bytes[at + b * n + i] << 8 * b;
         all[f * n + i] = change + (f > 0 ? all[(f - 1) * n + i] : 0);
       }
-    const none = wide ? 0xffff : 0xff;
+    const none = 2 ** (8 * layout.bytes) - 1;
     series[layout.name] = {
       ...layout, all, none, scale: (layout.high - layout.low) / (none - 1),
       value(f, i) { return this.low + this.all[f * n + i] * this.scale; },

@@ -31,12 +31,28 @@ LineStyle style_of(const ChartSpec& spec, Index layer) {
 
 bool is_bar(const ChartLayer& layer) { return layer.mark == Mark::kBar; }
 
+bool is_image(const ChartLayer& layer) { return layer.mark == Mark::kRect; }
+
+// All cells of the images, whose rows count from the top, and the values of the other layers.
+Axis image_axis(const ChartSpec& spec, const ChartAxis& axis, bool is_y) {
+  double low = -0.5, high = static_cast<double>(axis.categories.size()) - 0.5;
+  for (const ChartLayer& layer : spec.layers) {
+    if (is_image(layer))
+      high =
+          std::max(high, static_cast<double>(is_y ? layer.values.size() : layer.values.front().size()) - 0.5);
+    for (const double value : is_y ? layer.y : layer.x)
+      if (std::isfinite(value)) low = std::min(low, value), high = std::max(high, value);
+  }
+  return {is_y ? high : low, is_y ? low : high, axis.title, false, axis.categories};
+}
+
 // The range of the layers' values, with a margin. Bars begin at zero.
 Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double> ChartLayer::*values) {
   if (axis.domain) return {(*axis.domain)[0], (*axis.domain)[1], axis.title, axis.log, axis.categories};
+  const bool is_y = values == &ChartLayer::y;
+  if (std::ranges::any_of(spec.layers, is_image)) return image_axis(spec, axis, is_y);
   if (!axis.categories.empty())
     return {-0.5, static_cast<double>(axis.categories.size()) - 0.5, axis.title, false, axis.categories};
-  const bool is_y = values == &ChartLayer::y;
   double low = INFINITY, high = -INFINITY;
   for (const ChartLayer& layer : spec.layers)
     for (const double value : layer.*values) {
@@ -168,6 +184,19 @@ void ChartFigure::Panel::draw_bars(cairo_t* cr) const {
   record::draw_line(cr, area.left, base, area.right(), base);
 }
 
+// The cell in row r, column c is the unit square around x = c, y = r.
+void ChartFigure::Panel::draw_image(cairo_t* cr, const ChartLayer& layer) const {
+  std::vector<Rgba> pixels;
+  for (const std::vector<int>& row : layer.values)
+    for (const int value : row) pixels.push_back(layer.colors[value]);
+  const Index columns = std::ssize(layer.values.front());
+  const double left = axes.px(-0.5), top = axes.py(-0.5);
+  draw_pixels(cr,
+              {left, top, axes.px(static_cast<double>(columns) - 0.5) - left,
+               axes.py(static_cast<double>(layer.values.size()) - 0.5) - top},
+              static_cast<int>(columns), pixels);
+}
+
 void ChartFigure::Panel::draw_rule(cairo_t* cr) const {
   const double x = axes.px(*spec.rule), bottom = axes.area().bottom(), dashes[] = {6.0, 3.5};
   set_pen(cr, kRuleColour, 1.4);
@@ -215,12 +244,7 @@ void ChartFigure::Panel::draw(cairo_t* cr) const {
   for (Index i = 0; i < std::ssize(spec.layers); ++i) {
     const ChartLayer& layer = spec.layers[i];
     if (layer.mark == Mark::kLine) draw_line(cr, layer, style_of(spec, i));
-    if (layer.mark == Mark::kRect) {
-      std::vector<Rgba> pixels;
-      for (const std::vector<int>& row : layer.values)
-        for (const int value : row) pixels.push_back(layer.colors[value]);
-      draw_pixels(cr, axes.area(), static_cast<int>(layer.values.front().size()), pixels);
-    }
+    if (is_image(layer)) draw_image(cr, layer);
     if (layer.mark != Mark::kPoint && !layer.point) continue;
     set_pen(cr, color_of(spec, i));
     for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k)
@@ -245,9 +269,19 @@ ChartFigure::ChartFigure(std::string title, std::vector<ChartSpec> panels, int c
   for (ChartSpec& panel : panels) panels_.emplace_back(std::move(panel));
 }
 
-double ChartFigure::width() const {
-  return panels_.front().spec.width * static_cast<double>(std::min<Index>(columns_, std::ssize(panels_)));
+// Where the columns of panels begin, and the end of the last; a column is as wide as its widest panel.
+std::vector<double> ChartFigure::column_edges() const {
+  std::vector<double> edges{0.0};
+  for (Index column = 0; column < std::min<Index>(columns_, std::ssize(panels_)); ++column) {
+    double widest = 0.0;
+    for (Index i = column; i < std::ssize(panels_); i += columns_)
+      widest = std::max(widest, panels_[i].spec.width);
+    edges.push_back(edges.back() + widest);
+  }
+  return edges;
 }
+
+double ChartFigure::width() const { return column_edges().back(); }
 
 double ChartFigure::height() const {
   double row_height = 0.0;
@@ -260,12 +294,12 @@ void ChartFigure::draw(cairo_t* cr) const {
   const double top = title_.empty() ? 0.0 : kTitleHeight;
   const double row_height =
       (height() - top) / static_cast<double>((std::ssize(panels_) + columns_ - 1) / columns_);
+  const std::vector<double> edges = column_edges();
   set_pen(cr, kBlack);
-  draw_text(cr, kLeft, 26.0, title_, 15.0, Align::kLeft, true, width() - 2.0 * kLeft);
+  draw_text(cr, kLeft, 26.0, title_, 15.0, Align::kLeft, true, edges.back() - 2.0 * kLeft);
   for (Index i = 0; i < std::ssize(panels_); ++i) {
     cairo_save(cr);
-    cairo_translate(cr, static_cast<double>(i % columns_) * panels_.front().spec.width,
-                    top + static_cast<double>(i / columns_) * row_height);
+    cairo_translate(cr, edges[i % columns_], top + static_cast<double>(i / columns_) * row_height);
     panels_[i].draw(cr);
     cairo_restore(cr);
   }

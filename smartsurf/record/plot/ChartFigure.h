@@ -21,7 +21,7 @@ struct ChartLayer {
   std::optional<Rgba> color = {};
   bool point = false;                         // a line has a point at each value
   std::vector<double> x = {}, y = {};         // not finite: the line has a gap, the bar is missing
-  std::vector<std::vector<int>> values = {};  // kRect: rows of indices into `colors`; row 0 on top
+  std::vector<std::vector<int>> values = {};  // kRect: rows of indices into `colors`; row r is at y = r
   std::vector<std::string> labels = {};       // kRect: of the colours, in the legend
   std::vector<Rgba> colors = {};
 };
@@ -46,7 +46,7 @@ class ChartFigure final : public Figure {
  public:
   // One chart, whose legend is added to its height.
   explicit ChartFigure(ChartSpec chart);
-  // Panels of equal size, row by row.
+  // Panels, row by row; all rows are equally high.
   ChartFigure(std::string title, std::vector<ChartSpec> panels, int columns);
   double width() const override;
   double height() const override;
@@ -69,6 +69,7 @@ class ChartFigure final : public Figure {
     void draw(cairo_t* cr) const;
     void draw_line(cairo_t* cr, const ChartLayer& layer, const LineStyle& style) const;
     void draw_bars(cairo_t* cr) const;
+    void draw_image(cairo_t* cr, const ChartLayer& layer) const;
     void draw_rule(cairo_t* cr) const;
     void draw_legend(cairo_t* cr) const;
 
@@ -76,6 +77,8 @@ class ChartFigure final : public Figure {
     std::vector<LegendEntry> legend;
     Chart axes;
   };
+
+  std::vector<double> column_edges() const;
 
   std::string title_;
   std::vector<Panel> panels_;

@@ -151,9 +151,11 @@ void require_categories(const ChartSpec& chart, const std::string& place) {
   }
 }
 
-// An axis of decades shows numbers above 0.
+// An axis of decades shows numbers above 0, which the cells of an image are not.
 void require_shown(const std::vector<ChartLayer>& layers, std::vector<double> ChartLayer::*values,
                    const ChartAxis& axis, const std::string& place) {
+  if (axis.log && std::ranges::count(layers, ChartLayer::Mark::kRect, &ChartLayer::mark) > 0)
+    fail(place + ".scale = 'log': must be linear, because the cells of a rect begin at -0.5");
   if (!axis.log || !axis.categories.empty()) return;
   bool has_values = false;
   for (const ChartLayer& layer : layers)
@@ -185,11 +187,6 @@ ChartSpec read_chart(const json& object, const std::string& name) {
   require_categories(chart, fields.place("layers"));
   require_shown(chart.layers, &ChartLayer::x, chart.x, fields.place("x"));
   require_shown(chart.layers, &ChartLayer::y, chart.y, fields.place("y"));
-  const ChartLayer& first = chart.layers.front();
-  if (first.mark == ChartLayer::Mark::kRect) {
-    if (!chart.x.domain) chart.x.domain = {-0.5, static_cast<double>(first.values.front().size()) - 0.5};
-    if (!chart.y.domain) chart.y.domain = {-0.5, static_cast<double>(first.values.size()) - 0.5};
-  }
   return chart;
 }
 

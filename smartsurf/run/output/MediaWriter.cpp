@@ -18,6 +18,7 @@ namespace {
 
 constexpr common::PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
 constexpr int kVideoFramesPerSecond = 30;
+constexpr double kTimeTolerance = 1e-7;  // s
 constexpr unsigned kMaxVideoThreads = 16;
 
 // The video format subsamples colours by 2 × 2, so both edges must be even.
@@ -60,12 +61,14 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, std::unique_ptr<co
 
 MediaWriter::~MediaWriter() = default;
 
-void MediaWriter::write_due(const view::FrameInput& frame) {
+void MediaWriter::write_due(const view::FrameInput& frame, std::optional<double> next_time_s) {
   if (!only_final_left()) overlay_.sample_trails(frame);
-  if (video_writer_) write_video_frames(frame);
+  // A picture at a frame's time shows that frame, in spite of rounding.
+  const double until_s = next_time_s ? *next_time_s - kTimeTolerance : frame.snapshot.time_s + kTimeTolerance;
+  if (video_writer_) write_video_frames(frame, until_s);
   if (pending_screenshots_.empty()) return;
   std::erase_if(pending_screenshots_, [&](const Screenshot& shot) {
-    const bool due = shot.time_s && frame.snapshot.time_s >= *shot.time_s - 1e-9;
+    const bool due = shot.time_s && *shot.time_s < until_s;
     if (due) write_screenshot(frame, shot.file);
     return due;
   });
@@ -108,13 +111,14 @@ void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::str
 }
 
 // The frame rate refers to simulated time, so that the video plays in real time at any pace of the run.
-void MediaWriter::write_video_frames(const view::FrameInput& frame) {
-  const double frames_due = frame.snapshot.time_s * kVideoFramesPerSecond + 1e-6;
-  if (frames_due < static_cast<double>(video_frames_written_)) return;
-  // If a control period is longer than a video frame, the image is repeated.
-  const long count = static_cast<long>(std::floor(frames_due)) + 1 - video_frames_written_;
-  video_writer_->add(frame, camera(video_size(render_options_)), draw_options(frame), count);
-  video_frames_written_ += count;
+void MediaWriter::write_video_frames(const view::FrameInput& frame, double until_s) {
+  if (!video_start_s_) video_start_s_ = frame.snapshot.time_s;
+  // An image is repeated until the next frame.
+  const auto due = static_cast<long>(std::ceil((until_s - *video_start_s_) * kVideoFramesPerSecond));
+  if (due <= video_frames_written_) return;
+  video_writer_->add(frame, camera(video_size(render_options_)), draw_options(frame),
+                     due - video_frames_written_);
+  video_frames_written_ = due;
 }
 
 }  // namespace smartsurf::run

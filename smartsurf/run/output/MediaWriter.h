@@ -29,9 +29,9 @@ class MediaWriter {
               const scene::SceneSpec&, std::optional<int> threads_of_video = {});
   ~MediaWriter();
 
-  // Call for every frame, in order. Writes what is due at the frame's time. Throws scene::InputError if the
-  // overlay channel does not exist.
-  void write_due(const view::FrameInput&);
+  // Call for every frame, in order. Writes what is due from the frame's time until the next frame's, or at
+  // the frame's time if there is no next one. Throws scene::InputError if the overlay channel does not exist.
+  void write_due(const view::FrameInput&, std::optional<double> next_time_s);
   // Writes the remaining screenshots from the last frame and closes the video.
   void finish(const view::FrameInput&);
   // True if there is no video and no screenshot is pending.
@@ -43,7 +43,7 @@ class MediaWriter {
   // also: points that the picture shows besides the table, where the user gives no pose.
   view::Camera camera(const common::PixelSize&, std::span<const Eigen::Vector3d> also = {}) const;
   void write_screenshot(const view::FrameInput&, const std::string& file);
-  void write_video_frames(const view::FrameInput&);
+  void write_video_frames(const view::FrameInput&, double until_s);
 
   scene::SceneSpec scene_;
   RenderOptions render_options_;
@@ -51,6 +51,7 @@ class MediaWriter {
   std::vector<Screenshot> pending_screenshots_;
   std::unique_ptr<view::OffscreenView> screenshot_view_;
   std::unique_ptr<VideoWriter> video_writer_;
+  std::optional<double> video_start_s_;  // the first frame's time
   long video_frames_written_ = 0;
 };
 

@@ -4,10 +4,10 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <thread>
 
 #include "common/process/WindowLibrary.h"
-#include "common/text/Suggestion.h"
 #include "shm-protocol/hardware/bridge/ControlSocket.h"
 #include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/Run.h"
@@ -28,10 +28,17 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 void require_times(const record::Recording& recording, const std::vector<Screenshot>& screenshots) {
-  for (const Screenshot& screenshot : screenshots)
-    if (screenshot.time_s && *screenshot.time_s > recording.times().back() + 1e-9)
-      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {:.2f} s",
-                                          screenshot.file, *screenshot.time_s, recording.times().back()));
+  const double begin_s = recording.times().front(), end_s = recording.times().back();
+  for (const auto& [file, time_s] : screenshots)
+    if (time_s && (*time_s < begin_s - 1e-9 || *time_s > end_s + 1e-9))
+      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording {}", file, *time_s,
+                                          *time_s > end_s ? fmt::format("ends at {:.2f} s", end_s)
+                                                          : fmt::format("begins at {:.4f} s", begin_s)));
+}
+
+std::optional<double> next_time_s(const record::Recording& recording, std::size_t frame) {
+  if (frame + 1 == recording.frames()) return std::nullopt;
+  return recording.times()[frame + 1];
 }
 
 void require_cell_channel(const record::Recording& recording, const RecordedFrames& frames,
@@ -80,8 +87,8 @@ std::string reason_not_to_open(const std::string& file) {
 
 bool needs_rerun(const record::Recording& recording, const RenderOptions& options) {
   const std::string& channel = options.view.overlay.channel;
-  if (channel.empty() || !common::nearest_name(channel, {"height"}).empty() ||
-      channel.starts_with(view::kRegisterPrefix) || channel.starts_with(kCommandPrefix))
+  if (channel.empty() || channel == "height" || channel.starts_with(view::kRegisterPrefix) ||
+      channel.starts_with(kCommandPrefix))
     return false;
   return recording.channel_names("sensors").empty();
 }
@@ -103,7 +110,7 @@ bool rerun_to_media(const record::Recording& recording, const std::vector<Screen
         const view::FrameInput input{simulation.snapshot(), simulation.catalogue(),
                                      channels.update(simulation)};
         if (frame == 0) require_channel("--cells", render_options.view.overlay.channel, input.channels);
-        media.write_due(input);
+        media.write_due(input, next_time_s(recording, frame));
         if (++frame == recording.frames()) media.finish(input);
         return !media.only_final_left();
       });
@@ -126,7 +133,7 @@ bool replay_to_media(const record::Recording& recording, const std::vector<Scree
   Progress progress;
   for (std::size_t frame = 0; frame < recording.frames() && !media.only_final_left(); ++frame) {
     if (stop) return false;
-    media.write_due(frames.frame_input(frame));
+    media.write_due(frames.frame_input(frame), next_time_s(recording, frame));
     progress.update(recording.times()[frame], recording.times().back());
   }
   media.finish(frames.frame_input(recording.frames() - 1));

@@ -1,11 +1,13 @@
 #include "smartsurf/view/output/VideoCapture.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace smartsurf::view {
 namespace {
 
 constexpr int kFramesPerSecond = 30;
+constexpr double kFramePeriod_s = 1.0 / kFramesPerSecond;
 constexpr double kMaxGap_s = 1.0;  // longer gaps in simulated time are skipped instead of repeating a frame
 
 }  // namespace
@@ -26,7 +28,9 @@ void VideoCapture::add(const common::Image& image, double time_s) {
     std::copy_n(from, 3 * columns, &canvas.rgb[std::size_t{3} * ((top + y) * width_ + left)]);
   }
   if (time_s > next_frame_s_ + kMaxGap_s) next_frame_s_ = time_s;
-  for (; frame_due(time_s); next_frame_s_ += 1.0 / kFramesPerSecond) encoder_.add(canvas);
+  for (; frame_due(time_s); next_frame_s_ += kFramePeriod_s)
+    encoder_.add(frame_due(time_s - kFramePeriod_s) && !last_.rgb.empty() ? last_ : canvas);
+  last_ = std::move(canvas);
 }
 
 }  // namespace smartsurf::view

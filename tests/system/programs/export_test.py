@@ -1,6 +1,28 @@
-"""The exported page in headless Chromium, driven over its debugging pipe."""
+"""The exported page: its data, and in headless Chromium, driven over its debugging pipe."""
+import base64
+import re
+import zlib
+
+import h5py
+import numpy as np
 from browser import CHROMIUM, Browser
 from programs import *
+
+
+def positions(page):
+    """The objects' positions by frame and the frames' times, read as player.js does."""
+    text = page.read_text()
+    scene = json.loads(re.search(r'id="scene">(.*?)</script>', text, re.S)[1])
+    layout, frames = scene["series"][0], len(scene["time"])
+    assert layout["name"] == "position"
+    count, width = layout["values"], layout["bytes"]
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(re.search(r'id="frames">(.*?)</script>', text, re.S)[1])),
+                           np.uint8, frames * width * count).reshape(frames, width, count).astype(np.uint64)
+    none = 2 ** (8 * width) - 1
+    codes = sum(planes[:, byte] << np.uint64(8 * byte) for byte in range(width)).cumsum(0) & np.uint64(none)
+    values = layout["low"] + codes * ((layout["high"] - layout["low"]) / (none - 1))
+    return np.where(codes == none, np.nan, values).reshape(frames, -1, 3), np.array(scene["time"])
+
 
 class Export(ProgramTest):
     def export(self):
@@ -22,6 +44,26 @@ class Export(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn(".html", err)
         self.assertEqual(err.count("\n"), 1)
+
+    def test_positions_in_any_unit_and_far_below_the_table(self):
+        for u in (0.01, 1, 1000):
+            self.write("unit.lua", f"""
+                world {{ gravity = {-400 * u}, ground = false }}
+                surface {{ rows = 24, columns = 24, pitch = {u},
+                          actuator = pin {{ top = {{{.8 * u}, {.8 * u}}}, range = {{0, {4 * u}}}, length = {2 * u} }} }}
+                sphere {{ radius = {1.5 * u}, position = {{{3 * u}, {3 * u}, {6 * u}}} }}
+                sphere {{ radius = {1.5 * u}, position = {{{20 * u}, {20 * u}, {6 * u}}} }}
+                sphere {{ radius = {1.5 * u}, position = {{{60 * u}, {20 * u}, {6 * u}}} }}
+                """)
+            for command in (["run", "unit.lua", "--no-controller", "--until", "12", "--record", "unit.h5"],
+                            ["export", "unit.h5", "-o", "unit.html"]):
+                status, _, err = self.run_program(SMARTSURF, *command)
+                self.assertEqual(status, 0, err)
+            shown, times = positions(self.folder / "unit.html")
+            with h5py.File(self.folder / "unit.h5") as file:
+                recorded = file["objects/position"][:][np.searchsorted(file["time"][:], times - 1e-9)]
+            self.assertLess(recorded[-1, 2, 2], -20_000 * u, "it falls beside the table")
+            self.assertLess(np.abs(shown - recorded).max(), 24 * u / 16_000)
 
     @unittest.skipUnless(CHROMIUM, "chromium is not installed")
     def test_page_plays_and_responds_to_clicks(self):

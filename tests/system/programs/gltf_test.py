@@ -147,6 +147,17 @@ class Gltf(ProgramTest):
             shown = {place for place, size in sizes.items() if place[1] == 2 and size[0] < 0.5 < 0.05 + size.max() - size.min() + 0.4}
             self.assertTrue({(2, 2), (3, 2)} <= {(round(x), round(y)) for x, y in shown}, f"{actuator}: {sizes}")
 
+    def test_mounts_of_turning_rotors_stand_still(self):
+        model, run = self.export("""
+            surface { rows = 3, columns = 3, actuator = rotor { command = 'rate', axis = {0, 1, 0}, half_axes = {.4, .4, .6}, axle = -.5 } }
+            on_tick(function() for row = 1, 3 do for column = 1, 3 do cells:target('rate', row, column, 2) end end end)
+            """, 2, options=["--fps", "60"])
+        top = run["surface/changes/value"][run["surface/changes/cell"] == 4]
+        self.assertGreater(np.ptp(top), 0.15, "the rotor's top rises and falls")
+        mount = next(index for index, node in enumerate(model.json["nodes"]) if node["name"] == "pin 1,1")
+        z = model.track(mount, "translation", run["time"] - run["time"][0])[:, 2]
+        self.assertLess(np.ptp(z), 0.004)
+
     def test_wrong_name_is_refused(self):
         self.write("scene.lua", "surface { rows = 4, columns = 4, actuator = pin {} }")
         self.run_program(SMARTSURF, "run", "scene.lua", "--no-controller", "--until", "0.1", "--record", "run.h5")

@@ -96,6 +96,22 @@ class Replay(ProgramTest):
         self.assertIn("the recording ends at 1.00 s", err)
 
     @needs_view
+    def test_pictures_between_frames_show_the_latest(self):
+        self.write("wave.lua", pathlib.Path(WAVE).read_text() + "\nrecord { every = 30 }\n")
+        status, _, err = self.run_program(SMARTSURF, "run", "wave.lua", "--no-controller", "--record", "wave.h5", "--until", "1")
+        self.assertEqual(status, 0, err)
+        status, _, err = self.run_program(SMARTSURF, "replay", "wave.h5", *SMALL_PICTURE,
+                                          *(flag for time in ("0.5", "0.99", "1") for flag in ("--screenshot", f"{time}.png@{time}")))
+        self.assertEqual(status, 0, err)
+        at, between, after = ((self.folder / f"{time}.png").read_bytes() for time in ("0.5", "0.99", "1"))
+        self.assertEqual(at, between)
+        self.assertNotEqual(between, after)
+        with h5py.File(self.folder / "wave.h5", "r+") as file:
+            file["time"][:] += 14
+        status, _, err = self.run_program(SMARTSURF, "replay", "wave.h5", "--screenshot", "early.png@1")
+        self.assertEqual((status, err), (2, "smartsurf: --screenshot early.png@1: the recording begins at 14.0000 s\n"))
+
+    @needs_view
     def test_view_flags_change_pictures(self):
         recording = self.record_wave()
         pictures = set()
@@ -132,6 +148,18 @@ class Replay(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("sort.h5: cannot be run again: it differs at tick 6", err)
         self.assertFalse((self.folder / "x.png").exists())
+
+    @needs_view
+    def test_sensors_named_like_other_channels_are_sensed_again(self):
+        self.write("weight.lua", """
+            surface { rows = 6, columns = 6, actuator = pin {}, sensors = { pressure { name = 'weight' } } }
+            record { sensors = false }
+            sphere { radius = 1, position = {2.5, 2.5, 2} }
+            """)
+        for command in (["run", "weight.lua", "--no-controller", "--until", "0.2", "--record", "weight.h5"],
+                        ["replay", "weight.h5", "--screenshot", "x.png", "--cells", "weight", *SMALL_PICTURE]):
+            status, _, err = self.run_program(SMARTSURF, *command)
+            self.assertEqual(status, 0, err)
 
     @needs_view
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")

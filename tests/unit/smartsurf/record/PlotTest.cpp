@@ -431,9 +431,39 @@ TEST_F(ChartFile, PanelsOfImagesAndLines) {
   const ChartFigure figure = read_chart_file(out / "chart.json");
   EXPECT_EQ(image.width(), 2 * 2 * 810);
   const double top = 34.0;  // below the title
-  EXPECT_TRUE(image.is_blue(figure.chart().px(0.0), top + figure.chart().py(1.0))) << "row 0 is on top";
-  EXPECT_TRUE(image.is_orange(figure.chart().px(1.0), top + figure.chart().py(1.0)));
-  EXPECT_TRUE(image.is_orange(figure.chart().px(0.0), top + figure.chart().py(0.0)));
+  EXPECT_LT(figure.chart().py(0.0), figure.chart().py(1.0)) << "row 0 is on top";
+  EXPECT_TRUE(image.is_blue(figure.chart().px(0.0), top + figure.chart().py(0.0)));
+  EXPECT_TRUE(image.is_orange(figure.chart().px(1.0), top + figure.chart().py(0.0)));
+  EXPECT_TRUE(image.is_orange(figure.chart().px(0.0), top + figure.chart().py(1.0)));
+}
+
+TEST_F(ChartFile, ColumnsAreAsWideAsTheirWidestPanel) {
+  draw(R"({"columns": 2, "panels": [
+    {"width": 300, "height": 250, "layers": [{"mark": "line", "x": [0, 1], "y": [0, 1]}]},
+    {"width": 700, "height": 250, "layers": [{"mark": "line", "x": [0, 1], "y": [0, 1]}]},
+    {"width": 350, "height": 250, "layers": [{"mark": "line", "x": [0, 1], "y": [0, 1]}]}]})");
+  const Image image(out / "figure.png");
+  EXPECT_EQ(image.width(), 2 * (350 + 700));
+  const auto is_dark = [&](double x) { return (image.pixel_at(x, 100.0) & 0xFFu) < 0x60u; };
+  EXPECT_TRUE(is_dark(300.0 - 24.0)) << "the right edge of the first panel's axes";
+  EXPECT_TRUE(is_dark(350.0 + 66.0)) << "the left edge of the second panel's";
+  EXPECT_TRUE(is_dark(350.0 + 700.0 - 24.0));
+}
+
+TEST_F(ChartFile, CellsOfImagesAgreeWithTheAxes) {
+  for (const std::string y : {"", R"("y": {"domain": [-0.5, 1.5]},)", R"("y": {"domain": [4, -2]},)"}) {
+    SCOPED_TRACE(y);
+    draw("{" + y + R"("layers": [{"mark": "point", "color": "#0000ff", "x": [0, 3], "y": [1, 0]},
+      {"mark": "rect", "values": [[1, 0, 0], [0, 0, 0]], "colors": ["#dddddd", "#ff7700"]}]})");
+    const Image image(out / "figure.png");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    const Chart& chart = figure.chart();
+    for (const double x : {-0.4, 0.4})
+      for (const double row : {-0.4, 0.4}) EXPECT_TRUE(image.is_orange(chart.px(x), chart.py(row)));
+    for (const auto& [x, row] : {std::pair{0.6, 0.0}, {0.0, 0.6}, {2.4, 1.4}})
+      EXPECT_EQ(image.pixel_at(chart.px(x), chart.py(row)), 0xDDDDDDu) << x << ' ' << row;
+    EXPECT_TRUE(image.is_blue(chart.px(3.0) - 1.0, chart.py(0.0))) << "a point beside the image";
+  }
 }
 
 TEST_F(ChartFile, SinglePointsAndPointsBetweenGapsAreDots) {
@@ -497,6 +527,10 @@ TEST_F(ChartFile, MistakesAreNamed) {
   EXPECT_EQ(
       error_of(R"({"panels": [{"layers": [{"mark": "rect", "values": [[1]], "colors": ["#000000"]}]}]})"),
       "panels[0].layers[0].values holds 1: there is no such colour");
+  EXPECT_EQ(
+      error_of(
+          R"({"x": {"scale": "log"}, "layers": [{"mark": "rect", "values": [[0]], "colors": ["#000000"]}]})"),
+      "x.scale = 'log': must be linear, because the cells of a rect begin at -0.5");
   EXPECT_EQ(error_of(R"({"width": 1e9, "layers": [{"mark": "bar"}]})"),
             "width and height: must be from 150 to 5000");
   EXPECT_EQ(error_of(R"({"y": {"scale": "log"}, "layers": [{"mark": "line", "x": [1, 2], "y": [-1, 0]}]})"),

@@ -9,12 +9,15 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/error/UserError.h"
 #include "smartsurf/run/display/ViewChannels.h"
+#include "smartsurf/view/output/VideoCapture.h"
 
 namespace smartsurf::run {
 namespace {
@@ -55,8 +58,9 @@ class VideoWriterTest : public testing::Test {
     catalogue_.push_back(object);
   }
 
-  // Frames of 1/60 s with a moving table and objects of which one is added on the way.
-  std::string video(int threads, const RenderOptions& options, int frames = 40) {
+  // Frames with a moving table and objects of which one is added on the way.
+  std::string video(int threads, const RenderOptions& options, int frames = 40, double start_s = 0.0,
+                    double period_s = 1.0 / 60.0) {
     const fs::path file = folder_ / "video.mp4";
     catalogue_.resize(6);
     MediaWriter media({}, start_video(file.string(), options), options, scene_, threads);
@@ -64,7 +68,7 @@ class VideoWriterTest : public testing::Test {
       if (t == 20) add_object();
       scene::Snapshot shot;
       shot.tick = static_cast<std::uint64_t>(t);
-      shot.time_s = t / 60.0;
+      shot.time_s = start_s + t * period_s;
       for (int cell = 0; cell < scene_.surface.cell_count(); ++cell)
         shot.height.push_back(0.5F + 0.5F * std::sin(0.3F * static_cast<float>(cell + 5 * t)));
       for (scene::ObjectId id = 0; id < catalogue_.size(); ++id) {
@@ -76,9 +80,15 @@ class VideoWriterTest : public testing::Test {
       }
       view::Channel channel = height_channel(scene_.surface);
       channel.values = shot.height;
-      media.write_due({shot, catalogue_, {&channel, 1}});
-      if (t + 1 == frames) media.finish({shot, catalogue_, {&channel, 1}});
+      const bool is_last = t + 1 == frames;
+      media.write_due({shot, catalogue_, {&channel, 1}},
+                      is_last ? std::nullopt : std::optional(start_s + (t + 1) * period_s));
+      if (is_last) media.finish({shot, catalogue_, {&channel, 1}});
     }
+    return pictures(file);
+  }
+
+  static std::string pictures(const fs::path& file) {
     std::ifstream in(file, std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
   }
@@ -105,6 +115,29 @@ TEST_F(VideoWriterTest, BytesDoNotDependOnThreads) {
     EXPECT_NE(serial.substr(0, kPictureBytes), serial.substr(10 * kPictureBytes, kPictureBytes));
     for (const int threads : {2, 5}) EXPECT_TRUE(video(threads, options) == serial) << threads << " threads";
   }
+}
+
+// A live recording may begin at any time and hold any interval.
+TEST_F(VideoWriterTest, EachPictureShowsTheLatestFrameSinceTheFirst) {
+  const std::string all = video(2, plain(), 4, 14.09, 0.1);
+  ASSERT_EQ(all.size(), 10 * kPictureBytes);
+  for (std::size_t i = 1; i < 10; ++i)
+    EXPECT_EQ(all.compare(i * kPictureBytes, kPictureBytes, all, (i - 1) * kPictureBytes, kPictureBytes) != 0,
+              i % 3 == 0)
+        << i;
+}
+
+TEST_F(VideoWriterTest, WindowRepeatsThePictureBeforeALateOne) {
+  const fs::path file = folder_ / "window.mp4";
+  view::VideoCapture capture(file.string(), 2, 2, 3.0);
+  for (const auto& [time_s, value] : {std::pair{3.0, 10}, {3.1, 20}, {3.11, 30}, {3.2, 40}})
+    if (capture.frame_due(time_s))
+      capture.add({2, 2, std::vector<std::uint8_t>(12, static_cast<std::uint8_t>(value))}, time_s);
+  capture.finish();
+  std::string shown;
+  const std::string bytes = pictures(file);
+  for (std::size_t i = 0; i < bytes.size(); i += 12) shown += std::to_string(bytes[i]) + ' ';
+  EXPECT_EQ(shown, "10 10 10 20 20 20 40 ");
 }
 
 TEST_F(VideoWriterTest, ErrorsOfDrawingReachTheCaller) {

@@ -14,14 +14,15 @@ namespace {
 std::vector<double> decode(const SeriesEncoder& encoder, std::size_t frames) {
   const SeriesLayout& layout = encoder.layout();
   const std::size_t n = layout.values_per_frame;
-  const unsigned no_value = layout.bytes_per_value == 2 ? 0xFFFF : 0xFF;
+  const auto bytes = static_cast<unsigned>(layout.bytes_per_value);
+  const unsigned no_value = 0xFFFFFFFFU >> (32 - 8 * bytes);
   std::vector<double> values;
   std::vector<unsigned> current(n);
   for (std::size_t f = 0; f < frames; ++f)
     for (std::size_t i = 0; i < n; ++i) {
-      const std::uint8_t* const frame =
-          encoder.bytes().data() + f * n * static_cast<std::size_t>(layout.bytes_per_value);
-      const unsigned delta = frame[i] + (layout.bytes_per_value == 2 ? frame[n + i] * 256u : 0u);
+      const std::uint8_t* const frame = encoder.bytes().data() + f * n * bytes;
+      unsigned delta = 0;
+      for (unsigned b = 0; b < bytes; ++b) delta |= unsigned{frame[b * n + i]} << 8 * b;
       current[i] = (current[i] + delta) & no_value;
       values.push_back(current[i] == no_value
                            ? NAN
@@ -31,7 +32,7 @@ std::vector<double> decode(const SeriesEncoder& encoder, std::size_t frames) {
 }
 
 TEST(SeriesEncoder, RoundsToNearestCode) {
-  for (const int bytes : {1, 2}) {
+  for (const int bytes : {1, 2, 4}) {
     SeriesEncoder packer({-15.0, 30.0, bytes, 3});
     std::vector<float> all;
     for (int f = 0; f < 50; ++f) {
@@ -42,7 +43,7 @@ TEST(SeriesEncoder, RoundsToNearestCode) {
     }
     const std::vector<double> read = decode(packer, 50);
     ASSERT_EQ(read.size(), all.size());
-    const double half_step = 0.5 * 45.0 / (bytes == 1 ? 254.0 : 65534.0);
+    const double half_step = 0.5 * 45.0 / (std::exp2(8 * bytes) - 2.0);
     for (std::size_t i = 0; i < all.size(); ++i)
       if (std::isnan(all[i]))
         EXPECT_TRUE(std::isnan(read[i])) << i;
