@@ -41,6 +41,12 @@ class ApronPictures(ProgramTest):
         self.assertEqual((status, err), (0, ""))
         self.assertTrue((self.folder / "a.png").read_bytes().startswith(PNG))
 
+    def test_arrays_of_one_row_and_of_one_column_have_pictures(self):
+        program = self.write("a.aps", "!register(A)\nA = cell.x + cell.y\n")
+        for size in ("3000x1", "1x3000"):
+            status, _, err = self.run_program(APRON, "run", program, "--size", size, "--screenshot", "a.png")
+            self.assertEqual((status, err), (0, ""), size)
+
     def test_palettes_beside_the_program_have_names_and_errors(self):
         program = self.write("a.aps", "!register(A)\nreg.setPalette(A, 'mine')\n")
         status, _, err = self.run_program(APRON, "check", program)
