@@ -246,6 +246,16 @@ class ApronWindow(ProgramTest):
         self.assertRegex(err, r"the controller exited: 0\.0\d s simulated in .*; wrote stats\.json\n")
         self.assertFalse(pathlib.Path(f"/proc/{apron[0]}").exists())
 
+    def test_killed_controller_with_a_window_gives_status_3(self):
+        """Its process ends half a second after the surface has seen it dead, as one of many threads may."""
+        smartsurf = shutil.copy(SMARTSURF, self.folder)
+        apron = self.write("apron", f'#!/bin/sh\n{APRON} run "$2" --shm "$4" &\nsleep 1; kill -9 $!; sleep 0.5; kill -ABRT $$\n')
+        os.chmod(apron, 0o755)
+        status, _, err = self.run_program(smartsurf, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--close",
+                                          "--set", "hold=0", "--until", "600")
+        self.assertEqual(status, 3, err)
+        self.assertIn("the controller was lost (signal 6)", err)
+
     def test_controller_that_does_not_step_is_named_by_both_programs(self):
         child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", self.write("a.aps", ENDLESS), "--window")
         said = ""
