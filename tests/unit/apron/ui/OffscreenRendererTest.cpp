@@ -300,6 +300,16 @@ TEST_F(OffscreenRendererTest, EditorKeepsWhatItCannotShow) {
   }
 }
 
+TEST_F(OffscreenRendererTest, ListingShowsGreekAndCyrillicLetters) {
+  std::vector<std::vector<std::uint8_t>> seen;
+  for (const char* letter : {"\u0416", "\u042F", "\u03A9", "\u03A8"}) {
+    UiFixture fixture(std::string("!register(A)\n// ") + letter + "\nA = 1\n");
+    OffscreenRenderer screen(kWidth, kHeight);
+    seen.push_back(screen.render_settled(fixture.model).rgb);
+    for (std::size_t i = 0; i + 1 < seen.size(); ++i) EXPECT_NE(seen[i], seen.back()) << letter;
+  }
+}
+
 TEST_F(OffscreenRendererTest, UploadsOnlyVisibleAndChangedTextures) {
   std::string many = "!register(A)\n";
   for (int i = 0; i < 60; ++i) many += "!register(R" + std::to_string(i) + ")\n";
