@@ -17,14 +17,10 @@ constexpr const char* kTextFontFile = "DejaVuSans.ttf";
 constexpr const char* kCodeFontFile = "DejaVuSansMono.ttf";
 constexpr float kTextPixels = 15.0F, kCodePixels = 14.0F, kSmallPixels = 12.0F;
 
-// Glyph ranges: Latin, Greek, punctuation, arrows, minus, comparison signs, geometric shapes.
-constexpr ImWchar kGlyphs[] = {0x20,   0x17F,  0x370,  0x3FF,  0x2010, 0x2030, 0x2190, 0x2195,
-                               0x2212, 0x2212, 0x2264, 0x2265, 0x25A0, 0x25CF, 0};
-
 ImFont* load_font(const char* name, float pixels) {
   ImFontAtlas& fonts = *ImGui::GetIO().Fonts;
   if (const std::string file = common::font_file(name).string(); !file.empty())
-    return fonts.AddFontFromFileTTF(file.c_str(), std::round(pixels), nullptr, kGlyphs);
+    return fonts.AddFontFromFileTTF(file.c_str(), std::round(pixels), nullptr, common::kGlyphRanges);
   ImFontConfig config;
   config.SizePixels = std::round(pixels);
   return fonts.AddFontDefault(&config);

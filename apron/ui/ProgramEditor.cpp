@@ -1,9 +1,23 @@
 #include "apron/ui/ProgramEditor.h"
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
+#include "common/text/Utf8.h"
+
 namespace apron::ui {
+
+std::uint32_t ProgramEditor::File::uneditable_line() const {
+  std::uint32_t line = 1;
+  for (std::string_view rest = text; !rest.empty();) {
+    const auto [code, bytes] = common::decode_utf8(rest);
+    if (code == 0 || code > 0xFFFF) return line;
+    if (code == '\n') ++line;
+    rest.remove_prefix(bytes);
+  }
+  return 0;
+}
 
 void ProgramEditor::set_sources(const std::vector<debugger::SourceText>& sources) {
   std::vector<File> files;

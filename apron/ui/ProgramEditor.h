@@ -21,6 +21,9 @@ class ProgramEditor {
     std::uint32_t revision = 0;
 
     bool modified() const { return text != saved_text; }
+    // The first line with a character that a text widget of ImGui does not keep: one beyond 16 bits, NUL, or
+    // a byte that is not UTF-8; 0: none. O(length).
+    std::uint32_t uneditable_line() const;
   };
   // Writes `text` to the file `name`, which is expected to hold `old_text`.
   struct SaveRequest {

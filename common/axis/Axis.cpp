@@ -32,6 +32,11 @@ double axis_margin(double low, double high, double share) {
   return std::max(0.5, 0.1 * std::max(std::abs(low), std::abs(high)));
 }
 
+AxisRange with_margin(AxisRange values, double share) {
+  const double margin = axis_margin(values.low, values.high, share);
+  return resolvable({values.low - margin, values.high + margin});
+}
+
 double round_up(double value) {
   if (!(value > 0.0) || !std::isfinite(value)) return 1.0;
   const double power = std::pow(10.0, std::floor(std::log10(value)));

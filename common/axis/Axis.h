@@ -16,6 +16,9 @@ AxisRange resolvable(AxisRange range);
 // The margin beside values in [low, high]: `share` of their range, or one that suits a constant where they
 // differ by rounding only.
 double axis_margin(double low, double high, double share);
+// The resolvable range of an axis that shows values in the range, with that margin. [0, 1] unless low <=
+// high.
+AxisRange with_margin(AxisRange values, double share);
 
 // The smallest of … 0.1, 0.2, 0.5, 1, 2, 5, 10 … that is at least `value`; 1 if value is not positive and
 // finite.

@@ -6,6 +6,7 @@
 // A file that a run is still writing can be read up to its last flush. One thread at a time.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -35,8 +36,9 @@ std::string why_no_objects(const RunMetadata& meta);
 class Recording {
  public:
   struct ChannelInfo {
-    std::string unit;                     // "": dimensionless, or unknown
-    double minimum = 0.0, maximum = 0.0;  // of the values; equal: unknown
+    std::string unit;                                        // "": dimensionless, or unknown
+    double minimum = 0.0, maximum = 0.0;                     // of the values; equal: unknown
+    std::optional<std::array<double, 3>> origin, direction;  // as of scene::SensorChannel
   };
   struct DatasetInfo {
     std::string name;                    // "/objects/position"

@@ -262,7 +262,7 @@ bool Run::receive_targets() {
       case Status::kControllerDead:
       case Status::kControllerClosed:
         if (options_.mode == RunMode::kPassive) return continue_without_controller(status);
-        if (handle_controller_exit() || !wait_for_controller()) return false;
+        if (handle_controller_exit(status) || !wait_for_controller()) return false;
         break;
       default:
         break;  // interrupted: the stop flag is checked below
@@ -280,29 +280,30 @@ bool Run::continue_without_controller(Status status) {
     progress_.print_message(fmt::format("{}; the actuators keep their last targets", text(status)));
     mark_controller_lost();
   }
-  return !controller_process_ || !handle_controller_exit();
+  return !controller_process_ || !handle_controller_exit(status);
 }
 
 // Ends the run when the controller that it started exits. Returns false if the run started none.
-bool Run::handle_controller_exit() {
+bool Run::handle_controller_exit(Status status) {
   if (!controller_process_) return false;
-  // The program has ended; its window stays open.
-  if (controller_has_window() && !controller_process_->exit_status()) {
+  // The program has ended; its window stays open. A process that has died may be about to become a zombie.
+  if (status != Status::kControllerDead && controller_has_window() && !controller_process_->exit_status()) {
     set_ending(common::kDone, "the controller exited");
     return true;
   }
-  const auto status = controller_process_->wait_for_exit(2000ms);
+  const auto exit_status = controller_process_->wait_for_exit(2000ms);
   if (stop_requested_) {  // a signal to the process group ends both
     set_ending(common::kDone, "stopped by the user");
-  } else if (!status) {
+  } else if (!exit_status) {
     set_ending(common::kPeerLost, "the controller detached from the surface but did not exit");
-  } else if (*status == 0) {
+  } else if (*exit_status == 0) {
     set_ending(common::kDone, "the controller exited");
-  } else if (*status > 128) {
-    set_ending(common::kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
+  } else if (*exit_status > 128) {
+    set_ending(common::kPeerLost, fmt::format("the controller was lost (signal {})", *exit_status - 128));
   } else {
-    set_ending(*status == common::kUserError || *status == common::kPeerLost ? *status : common::kFailed,
-               fmt::format("the controller ended with exit status {}", *status));
+    set_ending(*exit_status == common::kUserError || *exit_status == common::kPeerLost ? *exit_status
+                                                                                       : common::kFailed,
+               fmt::format("the controller ended with exit status {}", *exit_status));
   }
   if (ending_->exit_status != common::kDone) {
     progress_.print_message(ending_->outcome);
@@ -364,7 +365,8 @@ bool Run::wait_for_controller() {
     }
     refresh_display();
     if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
-    if (controller_process_ && controller_process_->exit_status()) handle_controller_exit();
+    if (controller_process_ && controller_process_->exit_status())
+      handle_controller_exit(Status::kNoController);
     if (!link_->endpoint().is_reachable()) end_without_name();
     if (ending_) return false;
   }

@@ -76,7 +76,7 @@ class Run {
   bool tick();  // false: the run is over; ending_ is set
   bool receive_targets();
   bool wait_for_controller();
-  bool handle_controller_exit();
+  bool handle_controller_exit(shm_protocol::Status);
   void check_silence();
   std::string command_to_attach() const;
   void end_without_name();

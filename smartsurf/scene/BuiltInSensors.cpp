@@ -16,7 +16,13 @@ SensorKind proximity_kind() {
           .parameters = ray_parameters(8.0),
           .channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {
             const double range = s.number("range");
-            return {{s.name, "u", 0.0, range, range},
+            const Eigen::Vector3d o = s.vector("origin"), d = s.vector("direction").normalized();
+            return {{.name = s.name,
+                     .unit = "u",
+                     .maximum = range,
+                     .no_detection = range,
+                     .origin = {{o.x(), o.y(), o.z()}},
+                     .direction = {{d.x(), d.y(), d.z()}}},
                     {.name = s.name + "_hit", .maximum = 1.0, .is_exact = true}};
           },
           .mask_channel = 1,

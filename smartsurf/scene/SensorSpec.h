@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <map>
 #include <optional>
@@ -27,6 +28,8 @@ struct SensorChannel {
   Type type = Type::kFloat32;
   // A class or a mask, not a quantity: has no noise, drift, calibration or quantization.
   bool is_exact = false;
+  // Of distances: the ray along which they are, from the centre of the cell's top, in the cell's frame.
+  std::optional<std::array<double, 3>> origin = {}, direction = {};
 };
 
 // A rule of the shared-memory protocol for the names of all channels, and the rule in words.

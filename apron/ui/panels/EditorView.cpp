@@ -97,7 +97,7 @@ void draw_line_numbers(const DrawContext& context, const ProgramEditor::File& fi
   list.PopClipRect();
 }
 
-void draw_text(DrawContext& context, ImVec2 size) {
+void draw_text(DrawContext& context, ImVec2 size, bool read_only) {
   ProgramEditor& editor = context.model.editor;
   ProgramEditor::File& file = *editor.current();
   static std::optional<ProgramEditor::Position> position;
@@ -113,7 +113,8 @@ void draw_text(DrawContext& context, ImVec2 size) {
   if (position) ImGui::SetKeyboardFocusHere();
   ImGui::PushStyleColor(ImGuiCol_FrameBg, ImGui::GetStyleColorVec4(ImGuiCol_ChildBg));
   ImGui::InputTextMultiline("##text", &file.text, text_size,
-                            ImGuiInputTextFlags_AllowTabInput | ImGuiInputTextFlags_CallbackAlways,
+                            ImGuiInputTextFlags_AllowTabInput | ImGuiInputTextFlags_CallbackAlways |
+                                (read_only ? ImGuiInputTextFlags_ReadOnly : 0),
                             move_cursor, &position);
   const bool focused = ImGui::IsItemActive();
   ImGui::PopStyleColor();
@@ -157,10 +158,14 @@ void draw_diagnostics(DrawContext& context) {
 void draw_editor(DrawContext& context) {
   ProgramEditor& editor = context.model.editor;
   draw_editor_header(context);
+  const std::uint32_t line = editor.current()->uneditable_line();
+  if (line > 0)
+    ImGui::TextWrapped("Line %u has a character that this editor does not keep: edit the file elsewhere",
+                       line);
   const ImVec2 available = ImGui::GetContentRegionAvail();
   const auto rows = static_cast<float>(std::min(editor.diagnostics.size(), kShownDiagnostics));
   const float below = rows > 0.0F ? rows * 2.0F * ImGui::GetTextLineHeightWithSpacing() : 0.0F;
-  draw_text(context, {available.x, std::max(available.y - below, 0.5F * available.y)});
+  draw_text(context, {available.x, std::max(available.y - below, 0.5F * available.y)}, line > 0);
   if (!editor.diagnostics.empty()) draw_diagnostics(context);
 }
 

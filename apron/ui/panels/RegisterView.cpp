@@ -96,7 +96,7 @@ RegisterCanvas layout_canvas(const DrawContext& context, ImVec2 corner, ImVec2 a
   canvas.extent = canvas.layout.extent(sample.width, sample.height);
   const auto [w, h] = canvas.extent;
   const float fit = std::min(available.x / w, available.y / h);
-  canvas.size = {std::floor(fit * w), std::floor(fit * h)};
+  canvas.size = {std::max(1.0F, std::floor(fit * w)), std::max(1.0F, std::floor(fit * h))};
   canvas.corner = {std::floor(corner.x + (available.x - canvas.size.x) / 2.0F), std::floor(corner.y)};
   canvas.cell_edge = fit * viewport.zoom;
   canvas.origin = {canvas.corner.x + canvas.size.x / 2.0F - viewport.x * w * canvas.cell_edge,

@@ -95,6 +95,10 @@ void archive_channel(const Archive& a, Channel& channel) {
   a.since("unit", channel.unit);
   a.since("minimum", channel.minimum);
   a.since("maximum", channel.maximum);
+  if constexpr (requires { channel.direction; }) {
+    a("origin", channel.origin);
+    a("direction", channel.direction);
+  }
 }
 
 }  // namespace smartsurf::record

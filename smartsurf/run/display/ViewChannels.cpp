@@ -22,8 +22,13 @@ view::Channel height_channel(const scene::SurfaceSpec& surface) {
 view::Channel sensor_channel(const scene::SurfaceSpec& surface, const std::string& name) {
   for (const scene::SensorChannel& channel : scene::collect_channels(surface.sensors))
     if (channel.name == name)
-      return {
-          name, channel.unit, {}, static_cast<float>(channel.minimum), static_cast<float>(channel.maximum)};
+      return {name,
+              channel.unit,
+              {},
+              static_cast<float>(channel.minimum),
+              static_cast<float>(channel.maximum),
+              channel.origin,
+              channel.direction};
   return {name, "", {}, 0.0F, 0.0F};
 }
 

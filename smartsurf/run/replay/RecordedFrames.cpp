@@ -37,7 +37,9 @@ void RecordedFrames::add_channels(const char* group, const std::string& prefix) 
                            info.unit,
                            {},
                            static_cast<float>(info.minimum),
-                           static_cast<float>(info.maximum)});
+                           static_cast<float>(info.maximum),
+                           info.origin,
+                           info.direction});
       sources_.push_back({group, name, i});
     }
   }

@@ -15,13 +15,14 @@ constexpr float kGroundVertices[8][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1},
 constexpr GLubyte kGroundIndices[] = {0, 1, 2, 0, 2, 3, 4, 5, 1, 4, 1, 0, 5, 6, 2,
                                       5, 2, 1, 6, 7, 3, 6, 3, 2, 7, 4, 0, 7, 0, 3};
 constexpr int kNearIndexCount = 6, kFarIndexCount = 24;  // inner rectangle, outer quads
-constexpr double kOcclusionMargin = 6.0;                 // u; as in kGroundFragment
+constexpr double kDarkenedMargin = 6.0;                  // pitches
 
 }  // namespace
 
 GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass)
-    : occluded_area_(surface_bounding_box(surface).min().head<2>().array() - kOcclusionMargin,
-                     surface_bounding_box(surface).max().head<2>().array() + kOcclusionMargin),
+    : darkened_(kDarkenedMargin * surface.pitch),
+      occluded_area_(surface_bounding_box(surface).min().head<2>().array() - darkened_,
+                     surface_bounding_box(surface).max().head<2>().array() + darkened_),
       ground_z_(static_cast<float>(surface.ground_height())),
       half_extent_(static_cast<float>(ground_half_edge(surface))),
       grid_spacing_(static_cast<float>(grid_spacing(surface))),
@@ -52,6 +53,7 @@ void GroundLayer::draw_section(const ShaderProgram& program, bool grid,
       (Eigen::Vector4d() << shaded_area.min(), shaded_area.max()).finished().cast<float>();
   glUniform4fv(glGetUniformLocation(program.id(), "shaded"), 1, edges.data());
   glUniform1f(glGetUniformLocation(program.id(), "spacing"), grid ? grid_spacing_ : 0.0f);
+  glUniform1f(glGetUniformLocation(program.id(), "darkened"), static_cast<float>(darkened_));
   glBindVertexArray(vertex_array_.id());
   glDrawElements(GL_TRIANGLES, count, GL_UNSIGNED_BYTE, reinterpret_cast<const void*>(std::ptrdiff_t{first}));
 }

@@ -146,6 +146,7 @@ class GroundLayer {
   void draw_section(const ShaderProgram& program, bool grid, const Eigen::AlignedBox2d& shaded_area,
                     int first, int count) const;
 
+  double darkened_;                    // width of the ground around the table that it darkens, u
   Eigen::AlignedBox2d occluded_area_;  // the table and the ground around it that it darkens; x, y, u
   float ground_z_, half_extent_, grid_spacing_;
   VertexArray vertex_array_;

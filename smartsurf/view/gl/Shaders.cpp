@@ -148,13 +148,14 @@ in vec3 world;
 flat in vec3 plain;
 #endif
 uniform float spacing;   // between grid lines, u; 0: no grid
+uniform float darkened;  // width of the ground around the table that it darkens, u
 out vec4 pixel;
 void main() {
 #ifdef UNSHADED
   vec3 c = plain;
 #else
   vec2 out_of_table = max(max(table.xy - world.xy, world.xy - table.zw), 0.0);
-  float sky = 0.62 + 0.38 * smoothstep(0.0, 6.0, length(out_of_table));
+  float sky = 0.62 + 0.38 * smoothstep(0.0, darkened, length(out_of_table));
   vec3 c = lit(floor_paint.rgb, vec3(0, 0, 1), world, sky);
 #endif
   if (spacing > 0.0) {

@@ -175,20 +175,25 @@ void Overlay::add_contact_forces(const FrameInput& input) {
   }
 }
 
-// Draws a vertical line from each cell with a detection to the detected point. A distance sensor is a channel
-// NAME with a hit mask NAME_hit.
+// Draws a line from each cell with a detection to the detected point. A distance sensor is a channel NAME
+// with a hit mask NAME_hit.
 void Overlay::add_sensor_rays(const FrameInput& input) {
   for (const Channel& distance : input.channels) {
     const Channel* const hit = find_channel(input, distance.name + "_hit");
     if (!hit || distance.values.empty()) continue;
+    const std::array<double, 3> from_top = distance.origin.value_or(std::array{0.0, 0.0, 0.0}),
+                                along = distance.direction.value_or(std::array{0.0, 0.0, 1.0});
+    const Eigen::Vector3d origin(from_top.data()), direction(along.data());
     for (int row = 0; row < surface_.rows; ++row)
       for (int column = 0; column < surface_.columns; ++column) {
         const int cell = surface_.index(row, column);
         if (!(hit->values[cell] > 0.5F)) continue;
-        const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
-        const float sensor_z = input.snapshot.height[cell];
-        lines_.push_back({{at.x(), at.y(), sensor_z},
-                          {at.x(), at.y(), sensor_z + distance.values[cell]},
+        const Eigen::Vector2d centre = surface_.centre(row, column);
+        const Eigen::AngleAxisd turn(surface_.cell_poses.empty() ? 0.0 : surface_.cell_poses[cell].angle,
+                                     Eigen::Vector3d::UnitZ());
+        const Eigen::Vector3d from =
+            Eigen::Vector3d(centre.x(), centre.y(), input.snapshot.height[cell]) + turn * origin;
+        lines_.push_back({to_float3(from), to_float3(from + distance.values[cell] * (turn * direction)),
                           kSensorRayColour});
       }
   }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 namespace smartsurf::view {
 namespace {
@@ -105,10 +106,16 @@ std::optional<double> intersect_mesh(const Ray& ray, const scene::Solid& solid) 
   return nearest.result();
 }
 
-// Traverses the regular grid cell by cell until the ray falls below a cell's height.
+bool has_skin(const scene::SurfaceSpec& s, const scene::Snapshot& snapshot) {
+  return s.skin && std::ssize(snapshot.skin_height) == std::ptrdiff_t{s.skin->rows} * s.skin->columns;
+}
+
+// Traverses the regular grid cell by cell until the ray falls below a cell's height. Cells under a skin are
+// passed over.
 std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
                                  const scene::Snapshot& snapshot) {
   const double half = s.pitch / 2.0;
+  const bool skinned = has_skin(s, snapshot);
   const Eigen::AlignedBox3d box = surface_bounding_box(s);
   const float top =
       snapshot.height.empty() ? 0.0F : *std::max_element(snapshot.height.begin(), snapshot.height.end());
@@ -131,13 +138,74 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
       if (std::abs(d) < 1e-12) continue;
       exit_t = std::min(exit_t, (centre[axis] + (d > 0.0 ? half : -half) - ray.origin[axis]) / d);
     }
-    const double height = snapshot.height[s.index(row, column)];
+    const double height =
+        skinned && s.is_under_skin(row, column) ? -kInfinity : snapshot.height[s.index(row, column)];
     const double low = ray.origin.z() + std::min(exit_t, 1e9) * ray.direction.z();
     if (at.z() <= height || low <= height) {
       if (at.z() > height) t = (height - ray.origin.z()) / ray.direction.z();
       return PickHit{{SceneItem::Kind::kCell, 0, row, column}, t, ray.origin + t * ray.direction};
     }
+    if (exit_t == kInfinity) return std::nullopt;
     t = exit_t + 1e-6 * s.pitch;
+  }
+  return std::nullopt;
+}
+
+// What lies below the skin belongs to it. Traverses the rectangles of nodes one by one, in which its height
+// is linear on either side of the diagonal from the north-west to the south-east. The hit is on the cell with
+// the nearest centre.
+std::optional<PickHit> pick_skin(const Ray& ray, const scene::SurfaceSpec& s,
+                                 const scene::Snapshot& snapshot) {
+  const scene::SkinSpec& skin = *s.skin;
+  const Eigen::AlignedBox2d extent = s.skin_extent();
+  const double ground = s.ground_height();
+  const auto entry_t = intersect_box(ray, {extent.min().x(), extent.min().y(), ground},
+                                     {extent.max().x(), extent.max().y(), kInfinity});
+  if (!entry_t) return std::nullopt;
+  // x and y in columns and rows of nodes.
+  const Eigen::Vector3d steps(extent.sizes().x() / (skin.columns - 1), -extent.sizes().y() / (skin.rows - 1),
+                              1.0);
+  const Eigen::Vector3d north_west(extent.min().x(), extent.max().y(), 0.0);
+  const Eigen::Vector3d origin = (ray.origin - north_west).cwiseQuotient(steps),
+                        direction = ray.direction.cwiseQuotient(steps);
+  const auto height_above_skin = [&](double t, int row, int column) {
+    const Eigen::Vector3d at = origin + t * direction;
+    const float* const north = &snapshot.skin_height[row * skin.columns + column];
+    const float* const south = north + skin.columns;
+    const double x = at.x() - column, y = at.y() - row;
+    return at.z() - north[0] -
+           (x > y ? x * (north[1] - north[0]) + y * (south[1] - north[1])
+                  : x * (south[1] - south[0]) + y * (south[0] - north[0]));
+  };
+  const auto hit_at = [&](double t) {
+    const Eigen::Vector3d at = ray.origin + t * ray.direction;
+    const int border = s.border_height ? 1 : 0;
+    const auto nearest = [&](double along, int count) {
+      return std::clamp(static_cast<int>(std::lround(along / s.pitch)), border, count - 1 - border);
+    };
+    const int row = s.rows - 1 - nearest(at.y(), s.rows), column = nearest(at.x(), s.columns);
+    return PickHit{{SceneItem::Kind::kCell, 0, row, column}, t, at};
+  };
+  double t = *entry_t + 1e-9 * (1.0 + *entry_t);
+  for (int i = 0; i < 2 * (skin.rows + skin.columns); ++i) {
+    const Eigen::Vector3d at = origin + t * direction;
+    const int row = static_cast<int>(std::floor(at.y())), column = static_cast<int>(std::floor(at.x()));
+    if (row < 0 || column < 0 || row + 1 >= skin.rows || column + 1 >= skin.columns) return std::nullopt;
+    double exit_t = ray.direction.z() < 0.0 ? (ground - ray.origin.z()) / ray.direction.z() : kInfinity;
+    for (const auto& [from, along, cell] :
+         {std::tuple{origin.x(), direction.x(), column}, {origin.y(), direction.y(), row}})
+      if (std::abs(along) > 1e-12) exit_t = std::min(exit_t, (cell + (along > 0.0 ? 1 : 0) - from) / along);
+    const double diagonal_t = (column - row - origin.x() + origin.y()) / (direction.x() - direction.y());
+    double above = height_above_skin(t, row, column);
+    if (above <= 0.0) return hit_at(t);
+    for (const double end : {diagonal_t, exit_t}) {
+      if (!(end > t && end <= exit_t) || end == kInfinity) continue;
+      const double above_end = height_above_skin(end, row, column);
+      if (above_end <= 0.0) return hit_at(t + (end - t) * above / (above - above_end));
+      t = end;
+      above = above_end;
+    }
+    t = exit_t + 1e-6 / std::max(direction.head<2>().cwiseAbs().maxCoeff(), 1e-12);
   }
   return std::nullopt;
 }
@@ -190,6 +258,10 @@ std::optional<PickHit> pick(const Ray& ray, const scene::SurfaceSpec& surface, c
   const scene::Snapshot& snapshot = input.snapshot;
   std::optional<PickHit> nearest = surface.cell_poses.empty() ? pick_cell(ray, surface, snapshot)
                                                               : pick_free_layout_cell(ray, surface, snapshot);
+  if (has_skin(surface, snapshot))
+    if (const auto hit = pick_skin(ray, surface, snapshot);
+        hit && (!nearest || hit->distance < nearest->distance))
+      nearest = hit;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     const ObjectSpec& object = input.catalogue[snapshot.id[i]];
     const auto& q = snapshot.orientation[i];

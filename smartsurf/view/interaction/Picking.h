@@ -15,7 +15,8 @@ struct PickHit {
   Eigen::Vector3d point{0.0, 0.0, 0.0};
 };
 
-// The first object or cell along the ray. On a regular grid, gaps between pins belong to the cells.
+// The first object or cell along the ray. On a regular grid, gaps between pins belong to the cells, as does a
+// skin over them.
 std::optional<PickHit> pick(const Ray& ray, const scene::SurfaceSpec& surface, const FrameInput& input);
 
 // Distance, u, at which the ray enters the object's shape; the ray is in the object's frame. Empty if it

@@ -44,6 +44,11 @@ struct FrustumFit {
   double offset() const { return 0.5 * (high - low); }
 };
 
+// Clamps a quantity that changes; one that is out of the limits before may stay, but goes no farther out.
+double clamp_change(double before, double after, double low, double high) {
+  return std::clamp(after, std::min(low, before), std::max(high, before));
+}
+
 // "X,Y,Z" with finite numbers.
 std::optional<Eigen::Vector3d> parse_point(std::string_view text) {
   Eigen::Vector3d point;
@@ -63,7 +68,7 @@ std::optional<Eigen::Vector3d> parse_point(std::string_view text) {
 std::string to_string(const CameraPose& pose) {
   char text[160];
   const Eigen::Vector3d &p = pose.position, &t = pose.target;
-  std::snprintf(text, sizeof text, "%.2f,%.2f,%.2f:%.2f,%.2f,%.2f", p.x(), p.y(), p.z(), t.x(), t.y(), t.z());
+  std::snprintf(text, sizeof text, "%.6g,%.6g,%.6g:%.6g,%.6g,%.6g", p.x(), p.y(), p.z(), t.x(), t.y(), t.z());
   return text;
 }
 
@@ -83,6 +88,7 @@ Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset pr
                       : preset == CameraPreset::kIso ? kIsoElevation
                                                      : kSideElevation;
   const Eigen::AlignedBox3d box = surface_bounding_box(surface);
+  camera.scene_centre_ = box.center();
   camera.scene_radius_ = 0.5 * box.diagonal().norm();
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
@@ -121,14 +127,14 @@ void Camera::set_pose(const CameraPose& pose) {
   const Eigen::Vector3d offset = pose.position - pose.target;
   const double across = offset.head<2>().norm();
   if (across > 1e-9 * offset.norm()) azimuth_ = std::atan2(offset.x(), -offset.y());
-  elevation_ = std::clamp(std::atan2(offset.z(), across), kMinElevation, kMaxElevation);
-  distance_ = std::clamp(offset.norm(), reference_distance_ / 200.0, reference_distance_ * 5.0);
+  elevation_ = std::atan2(offset.z(), across);
+  distance_ = offset.norm();
   target_ = pose.target;
 }
 
 void Camera::orbit(double dx, double dy) {
   azimuth_ = std::remainder(azimuth_ - dx * kOrbitPerPixel, 2.0 * std::numbers::pi);
-  elevation_ = std::clamp(elevation_ + dy * kOrbitPerPixel, kMinElevation, kMaxElevation);
+  elevation_ = clamp_change(elevation_, elevation_ + dy * kOrbitPerPixel, kMinElevation, kMaxElevation);
 }
 
 void Camera::pan(double dx, double dy, double height) {
@@ -137,8 +143,8 @@ void Camera::pan(double dx, double dy, double height) {
 }
 
 void Camera::zoom(double notches) {
-  distance_ = std::clamp(distance_ * std::pow(kZoomPerNotch, notches), reference_distance_ / 200.0,
-                         reference_distance_ * 5.0);
+  distance_ = clamp_change(distance_, distance_ * std::pow(kZoomPerNotch, notches),
+                           reference_distance_ / 200.0, reference_distance_ * 5.0);
 }
 
 Eigen::Vector3d Camera::forward() const {
@@ -162,9 +168,11 @@ Eigen::Matrix4d Camera::view_matrix() const {
 }
 
 Eigen::Matrix4d Camera::projection_matrix(double aspect) const {
-  // The planes follow the distance: close-ups are not clipped, and distant views keep their depth precision.
-  const double near_plane = std::max(0.02 * distance_, distance_ - 8.0 * scene_radius_);
-  const double far_plane = distance_ + 20.0 * scene_radius_;
+  // The planes follow the distances of the target and of the table: close-ups are not clipped, and distant
+  // views keep their depth precision.
+  const double table = (eye() - scene_centre_).norm();
+  const double near_plane = std::max(0.02 * distance_, std::min(distance_, table) - 8.0 * scene_radius_);
+  const double far_plane = std::max(distance_, table) + 20.0 * scene_radius_;
   const double f = 1.0 / std::tan(field_of_view_ / 2.0);
   Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
   m(0, 0) = f / aspect;

@@ -46,23 +46,23 @@ class Camera {
   static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
                                std::span<const Eigen::Vector3d> also = {});
 
-  // The view's pose, if it has one, with the zoom limits of the preset; else fit_to_surface().
+  // The view's pose, if it has one, with zoom() limited as for the preset; else fit_to_surface().
   static Camera from_view(const scene::SurfaceSpec& surface, const CameraView& view, double aspect,
                           std::span<const Eigen::Vector3d> also = {});
 
-  // Rotates about the target. dx, dy: pointer movement, pixels, y down. The scene follows the pointer.
+  // Rotates about the target. dx, dy: pointer movement, pixels, y down. The scene follows the pointer. The
+  // elevation stays within kMinElevation … kMaxElevation, or where set_pose() has put it.
   void orbit(double dx, double dy);
   // Moves the target in the image plane so that it stays under the pointer. height: image height, pixels.
   void pan(double dx, double dy, double height);
-  // Changes the distance by a constant factor per notch, > 0: closer. Clamped to 1/200 … 5 times the distance
-  // of fit_to_surface().
+  // Changes the distance by a constant factor per notch, > 0: closer. It stays within 1/200 … 5 times the
+  // distance of fit_to_surface(), or where set_pose() has put it.
   void zoom(double notches);
 
   Eigen::Vector3d eye() const;
   Eigen::Vector3d target() const { return target_; }
   CameraPose pose() const { return {eye(), target_}; }
-  // Moves the camera; a direction outside kMinElevation … kMaxElevation and a distance outside the zoom
-  // limits are clamped.
+  // Moves the camera there, at any distance. Precondition: the position is above the target.
   void set_pose(const CameraPose& pose);
   Eigen::Vector3d forward() const;  // unit vector from the eye to the target
   Eigen::Vector3d right() const;
@@ -99,7 +99,8 @@ class Camera {
   Eigen::Vector3d target_{0.0, 0.0, 0.0};
   double azimuth_ = 0.0, elevation_ = 0.7, distance_ = 100.0;
   double field_of_view_ = 0.5;
-  double reference_distance_ = 100.0;  // distance of fit_to_surface(); scales the zoom limits
+  double reference_distance_ = 100.0;            // distance of fit_to_surface(); scales the zoom limits
+  Eigen::Vector3d scene_centre_{0.0, 0.0, 0.0};  // of the table
   double scene_radius_ = 50.0;
 };
 

@@ -1,6 +1,8 @@
 // The input of one frame. All data are borrowed and must stay valid for the duration of the call.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -20,6 +22,9 @@ struct Channel {
   std::span<const float> values;  // rows × columns, row-major, row 0 north; empty: not available
   // The channel's range. If it is unknown (low ≥ high), the range of the values is used.
   float low = 0.0F, high = 0.0F;
+  // Of distances: the ray along which they are, as of scene::SensorChannel; unknown: up from the top's
+  // centre.
+  std::optional<std::array<double, 3>> origin = {}, direction = {};
 };
 
 // A contact point and its force.

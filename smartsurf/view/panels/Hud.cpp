@@ -136,8 +136,8 @@ void setup_imgui_style(float scale) {
   io.IniFilename = nullptr;
   // Without it, ImGui's built-in bitmap font is used.
   if (const std::string font = common::font_file("DejaVuSans.ttf").string(); !font.empty()) {
-    io.Fonts->AddFontFromFileTTF(font.c_str(), kFontSize_px * scale);
-    io.Fonts->AddFontFromFileTTF(font.c_str(), kTitleSize_px * scale);
+    io.Fonts->AddFontFromFileTTF(font.c_str(), kFontSize_px * scale, nullptr, common::kGlyphRanges);
+    io.Fonts->AddFontFromFileTTF(font.c_str(), kTitleSize_px * scale, nullptr, common::kGlyphRanges);
   } else {
     io.Fonts->AddFontDefault();
     io.FontGlobalScale = scale;

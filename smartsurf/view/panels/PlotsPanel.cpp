@@ -15,25 +15,11 @@ constexpr ImU32 kAxisColour = IM_COL32(150, 158, 168, 255), kGridColour = IM_COL
                 kTextColour = IM_COL32(70, 78, 90, 255), kNowColour = IM_COL32(40, 44, 52, 200),
                 kPaperColour = IM_COL32(255, 255, 255, 235);
 
-struct Range {
-  double low = INFINITY, high = -INFINITY;
-  void include(double value) {
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-  void add_margin() {
-    const auto [least, most] = common::resolvable({low, high});
-    const double margin = common::axis_margin(least, most, 0.06);
-    low = least - margin;
-    high = most + margin;
-  }
-};
-
 // Maps times and values to pixels.
 struct ChartArea {
   ImVec2 low, high;  // upper left and lower right corner
   double from_s, to_s;
-  Range values;
+  common::AxisRange values;
   float x(double time_s) const {
     return low.x + static_cast<float>((time_s - from_s) / (to_s - from_s)) * (high.x - low.x);
   }
@@ -255,22 +241,23 @@ void make_draggable(const std::vector<Signal>& signals) {
 std::optional<double> draw_chart(const PlotData& data, const Chart& chart, float width, float height) {
   const float font = ImGui::GetFontSize();
   const ImVec2 corner = ImGui::GetCursorScreenPos();
-  ImGui::InvisibleButton(chart.id, {width, height});
+  ImGui::InvisibleButton(chart.id, {std::max(width, 1.0f), std::max(height, 1.0f)});
   if (data.times().empty()) return std::nullopt;
   ChartArea area{{corner.x + 3.6f * font, corner.y + 0.3f * font},
                  {corner.x + width - 0.6f * font, corner.y + height - 1.4f * font},
                  chart.from_s,
                  std::max(chart.to_s, chart.from_s + kMinSpan_s),
-                 {}};
+                 {INFINITY, -INFINITY}};
   std::vector<std::vector<CurvePoint>> curves;
   for (const std::size_t i : chart.series) {
     if (!is_filled(data, i)) return std::nullopt;
     curves.push_back(reduce_curve(data.times(), data.series()[i].values, chart.from_s, chart.to_s,
                                   static_cast<int>(area.high.x - area.low.x)));
     for (const CurvePoint& point : curves.back())
-      if (std::isfinite(point.value)) area.values.include(point.value);
+      if (std::isfinite(point.value))
+        area.values = {std::min(area.values.low, point.value), std::max(area.values.high, point.value)};
   }
-  area.values.add_margin();
+  area.values = common::with_margin(area.values, 0.06);
   area.low.x =
       std::max(area.low.x, corner.x + widest(common::tick_labels(value_ticks(area))) + 2.0f * kLabelGap);
   ImDrawList& list = *ImGui::GetWindowDrawList();

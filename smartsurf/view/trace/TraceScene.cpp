@@ -15,6 +15,7 @@
 #include "smartsurf/view/model/ActuatorGeometry.h"
 #include "smartsurf/view/model/Meshes.h"
 #include "smartsurf/view/model/PinShading.h"
+#include "smartsurf/view/model/TableBounds.h"
 #include "smartsurf/view/trace/Maths.h"
 #include "smartsurf/view/trace/PinMesh.h"
 
@@ -370,7 +371,10 @@ void TraceScene::State::add_ground() {
   if (!spec.world.ground) return;
   const auto half = static_cast<float>(ground_half_edge(spec.surface)),
              z = static_cast<float>(spec.surface.ground_height());
-  const float corners[] = {-half, -half, z, half, -half, z, half, half, z, -half, half, z};
+  const Vec centre = surface_bounding_box(spec.surface).center().cast<float>();
+  const float west = centre.x() - half, east = centre.x() + half, south = centre.y() - half,
+              north = centre.y() + half;
+  const float corners[] = {west, south, z, east, south, z, east, north, z, west, north, z};
   static constexpr std::uint32_t kTriangles[] = {0, 1, 2, 0, 2, 3};
   parts[attach(triangles(corners, 4, 3, kTriangles), kOpaque)] = {Part::Kind::kGround, 0};
 }

@@ -41,6 +41,12 @@ class ApronPictures(ProgramTest):
         self.assertEqual((status, err), (0, ""))
         self.assertTrue((self.folder / "a.png").read_bytes().startswith(PNG))
 
+    def test_arrays_of_one_row_and_of_one_column_have_pictures(self):
+        program = self.write("a.aps", "!register(A)\nA = cell.x + cell.y\n")
+        for size in ("3000x1", "1x3000"):
+            status, _, err = self.run_program(APRON, "run", program, "--size", size, "--screenshot", "a.png")
+            self.assertEqual((status, err), (0, ""), size)
+
     def test_palettes_beside_the_program_have_names_and_errors(self):
         program = self.write("a.aps", "!register(A)\nreg.setPalette(A, 'mine')\n")
         status, _, err = self.run_program(APRON, "check", program)
@@ -239,6 +245,16 @@ class ApronWindow(ProgramTest):
         self.assertEqual(status, 143)
         self.assertRegex(err, r"the controller exited: 0\.0\d s simulated in .*; wrote stats\.json\n")
         self.assertFalse(pathlib.Path(f"/proc/{apron[0]}").exists())
+
+    def test_killed_controller_with_a_window_gives_status_3(self):
+        """Its process ends half a second after the surface has seen it dead, as one of many threads may."""
+        smartsurf = shutil.copy(SMARTSURF, self.folder)
+        apron = self.write("apron", f'#!/bin/sh\n{APRON} run "$2" --shm "$4" &\nsleep 1; kill -9 $!; sleep 0.5; kill -ABRT $$\n')
+        os.chmod(apron, 0o755)
+        status, _, err = self.run_program(smartsurf, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--close",
+                                          "--set", "hold=0", "--until", "600")
+        self.assertEqual(status, 3, err)
+        self.assertIn("the controller was lost (signal 6)", err)
 
     def test_controller_that_does_not_step_is_named_by_both_programs(self):
         child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", self.write("a.aps", ENDLESS), "--window")

@@ -275,6 +275,41 @@ TEST_F(OffscreenRendererTest, EditorMarksLinesOfErrors) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
+// ImGui's texts have characters of 16 bits.
+TEST_F(OffscreenRendererTest, EditorKeepsWhatItCannotShow) {
+  for (const auto& [comment, line] : {std::pair<std::string, unsigned>{"// \u00E9 \u042F \u2713", 0},
+                                      {"// \U0001F600 \U0001D6FC", 3},
+                                      {"// \xE9", 3},
+                                      {std::string("// \0", 4), 3}}) {
+    UiFixture fixture("!register(A)\nA = 1\n");
+    ProgramEditor& editor = fixture.model.editor;
+    const std::string text = "!register(A)\nA = 1\n" + comment + "\n";
+    editor.set_text_on_disk(editor.current()->name, text);
+    EXPECT_EQ(editor.current()->uneditable_line(), line);
+    editor.open(editor.current()->name, 1);
+    OffscreenRenderer screen(kWidth, kHeight);
+    screen.render_settled(fixture.model);
+    click(screen, fixture, 1000.0F, 200.0F);
+    for (const char typed : {'x', 'y'}) {
+      screen.type_character(typed);
+      screen.render(fixture.model);
+    }
+    const std::string edited = editor.current()->text;
+    EXPECT_EQ(edited == text, line > 0) << edited;
+    EXPECT_EQ(edited.size(), text.size() + (line > 0 ? 0 : 2));
+  }
+}
+
+TEST_F(OffscreenRendererTest, ListingShowsGreekAndCyrillicLetters) {
+  std::vector<std::vector<std::uint8_t>> seen;
+  for (const char* letter : {"\u0416", "\u042F", "\u03A9", "\u03A8"}) {
+    UiFixture fixture(std::string("!register(A)\n// ") + letter + "\nA = 1\n");
+    OffscreenRenderer screen(kWidth, kHeight);
+    seen.push_back(screen.render_settled(fixture.model).rgb);
+    for (std::size_t i = 0; i + 1 < seen.size(); ++i) EXPECT_NE(seen[i], seen.back()) << letter;
+  }
+}
+
 TEST_F(OffscreenRendererTest, UploadsOnlyVisibleAndChangedTextures) {
   std::string many = "!register(A)\n";
   for (int i = 0; i < 60; ++i) many += "!register(R" + std::to_string(i) + ")\n";

@@ -551,6 +551,18 @@ TEST(Chart, RoundTickValues) {
   EXPECT_EQ(format_number(tenths[3]), "0.6");
 }
 
+TEST(Chart, MarginSuitsConstants) {
+  const auto range = [](double low, double high) {
+    const common::AxisRange axis = common::with_margin({low, high}, 0.05);
+    return std::pair(axis.low, axis.high);
+  };
+  EXPECT_EQ(range(0.0, 10.0), std::pair(-0.5, 10.5));
+  EXPECT_EQ(range(0.0, 0.0), std::pair(-0.5, 0.5));
+  EXPECT_EQ(range(-40.0, -40.0), std::pair(-44.0, -36.0));
+  EXPECT_EQ(range(INFINITY, -INFINITY), std::pair(0.0, 1.0));
+  EXPECT_LE(range(-1e308, 1e308).second, 1e300);
+}
+
 TEST(Chart, TicksAreFewAndTheirLabelsDiffer) {
   for (const auto& [low, high] : {std::pair{0.3, 0.1 + 0.2},
                                   {1e17, 1e17 + 160.0},

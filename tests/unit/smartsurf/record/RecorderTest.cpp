@@ -278,6 +278,8 @@ TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
   run.spec.record.actuators = true;
   scene::SensorSpec proximity = scene::find_sensor_kind("proximity")->default_spec();
   proximity.values["range"] = {7.5};
+  proximity.values["origin"] = {0.25, 0.0, 0.5};
+  proximity.values["direction"] = {0.0, -2.0, 0.0};
   run.spec.surface.sensors = {proximity};
   const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   const Channels values(0);
@@ -287,6 +289,9 @@ TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
   const Recording recording = Recording::open(out / "run.h5");
   EXPECT_EQ(recording.channel_info("sensors", "proximity").unit, "u");
   EXPECT_EQ(recording.channel_info("sensors", "proximity").maximum, 7.5);
+  EXPECT_EQ(recording.channel_info("sensors", "proximity").origin, (std::array{0.25, 0.0, 0.5}));
+  EXPECT_EQ(recording.channel_info("sensors", "proximity").direction, (std::array{0.0, -1.0, 0.0}));
+  EXPECT_FALSE(recording.channel_info("actuators", "height").direction);
   EXPECT_EQ(recording.channel_info("sensors", "colour").unit, "") << "not a channel of the surface's sensors";
   EXPECT_EQ(recording.channel_info("actuators", "height").unit, "u");
   EXPECT_EQ(recording.channel_info("actuators", "height").maximum, run.spec.surface.pin.max_height);

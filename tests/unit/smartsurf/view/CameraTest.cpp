@@ -170,6 +170,35 @@ TEST(CameraPose, TextReadsBackAndPlacesTheCamera) {
   EXPECT_LT((viewed.eye() - camera.eye()).norm(), 0.02);
 }
 
+TEST(CameraPose, IsTakenAtAnyDistanceAndElevation) {
+  const scene::SurfaceSpec s = make_surface(16, 16);
+  Camera camera = Camera::fit_to_surface(s, CameraPreset::kIso, 1.5);
+  const double fitted = camera.distance();
+  const Eigen::Vector3d middle(7.5, 7.5, 0.0);
+  for (const Eigen::Vector3d& offset :
+       {Eigen::Vector3d(0.0, 0.0, 40.0 * fitted), Eigen::Vector3d(0.0, -7.0 * fitted, 3.0 * fitted),
+        Eigen::Vector3d(30.0, -40.0, 1e-3), Eigen::Vector3d(0.0, -1e-3, 1e-3)}) {
+    camera.set_pose({middle + offset, middle});
+    EXPECT_LT((camera.eye() - middle - offset).norm(), 1e-9 * offset.norm());
+    EXPECT_LT((camera.target() - middle).norm(), 1e-12);
+  }
+  // A target before the table, to which it is far.
+  camera.set_pose({{7.5, -40.0 * fitted, 1.0}, {7.5, 1.0 - 40.0 * fitted, 0.9}});
+  max_clip_extent(camera, s, 1.5);
+  // The wheel brings it nearer step by step, and no farther.
+  camera.set_pose({{7.5, 7.5, 40.0 * fitted}, middle});
+  max_clip_extent(camera, s, 1.5);
+  camera.zoom(-1.0);
+  EXPECT_NEAR(camera.distance(), 40.0 * fitted, 1e-9 * fitted);
+  camera.zoom(1.0);
+  EXPECT_NEAR(camera.distance(), 0.88 * 40.0 * fitted, 1e-9 * fitted);
+}
+
+TEST(CameraPose, TextHasSixDigitsAtAnyPitch) {
+  const CameraPose pose{{1.25e-4, -3e-4, 2e-4}, {1e-4, 0.0, 0.0}};
+  EXPECT_TRUE(parse_camera_pose(to_string(pose))->position.isApprox(pose.position, 1e-6));
+}
+
 TEST(CameraPose, RefusesOtherText) {
   for (const char* text : {"", "iso", "1,2,3", "1,2,3:", "1,2:3,4,5", "1,2,3:4,5", "1,2,3:4,5,6,7",
                            "1,2,x:0,0,0", "1,2,nan:0,0,0", "1,2,3:0,0,3", "1,2,3:0,0,9", " 1,2,3:0,0,0"})

@@ -53,6 +53,26 @@ TEST_F(OffscreenViewTest, RendersSphereTableAndBackground) {
   EXPECT_GT(sum(image.pixel(3, 3)), 3 * 200);
 }
 
+TEST_F(OffscreenViewTest, UnitOfLengthChangesNothing) {
+  const auto scaled = [](float unit) {
+    TestScene scene(16, 16, 4.0f * unit);
+    scene::SurfaceSpec& s = scene.spec.surface;
+    s.pitch *= unit;
+    for (double* length : {&s.pin.top_x, &s.pin.top_y, &s.pin.length, &s.pin.min_height, &s.pin.max_height})
+      *length *= unit;
+    scene.add_sphere(7.5 * unit, 7.5 * unit, 6.0 * unit, 2.0 * unit, kRed);
+    return draw(scene);
+  };
+  const common::Image one = scaled(1.0f);
+  for (const float unit : {1.0f / 128.0f, 1024.0f}) {
+    const common::Image other = scaled(unit);
+    int different = 0;
+    for (std::size_t i = 0; i < one.rgb.size(); ++i)
+      different += std::abs(one.rgb[i] - other.rgb[i]) > 8 ? 1 : 0;
+    EXPECT_LT(different, kWidth * kHeight / 100) << unit;
+  }
+}
+
 TEST_F(OffscreenViewTest, RaisedPinsHideSphereBehindThem) {
   TestScene scene(16, 16, 0.0f);
   scene.add_sphere(8.0, 8.0, 1.0, 1.0, kRed);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "smartsurf/view/model/OptionEdit.h"
@@ -114,6 +115,29 @@ TEST_F(OverlayTest, SensorRaysEndAtDetectedPoint) {
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(lines[0].from, (std::array<float, 3>{1.0f, 1.0f, 4.0f}));
   EXPECT_EQ(lines[0].to, (std::array<float, 3>{1.0f, 1.0f, 5.5f}));
+}
+
+TEST_F(OverlayTest, SensorRaysFollowOriginAndDirectionAndTurnWithTheCell) {
+  scene::SurfaceSpec& surface = scene.spec.surface;
+  channels[0].origin = {0.5, 0.0, 0.25};
+  channels[0].direction = {1.0, 0.0, 0.0};
+  const auto cell = static_cast<std::size_t>(surface.index(2, 1));
+  mask[cell] = 1.0f;
+  distance[cell] = 1.5f;
+  const auto ray = [&] {
+    overlay = Overlay(surface);
+    overlay.settings.sensor_rays = true;
+    return apply().lines[0];
+  };
+  EXPECT_EQ(ray().from, (std::array<float, 3>{1.5f, 1.0f, 4.25f}));
+  EXPECT_EQ(ray().to, (std::array<float, 3>{3.0f, 1.0f, 4.25f}));
+  surface.cell_poses.assign(16, {2.0, 3.0, std::numbers::pi / 2.0});
+  const Line turned = ray();
+  const std::array<float, 3> from{2.0f, 3.5f, 4.25f}, to{2.0f, 5.0f, 4.25f};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR(turned.from[axis], from[axis], 1e-6f);
+    EXPECT_NEAR(turned.to[axis], to[axis], 1e-6f);
+  }
 }
 
 TEST_F(OverlayTest, ScalesContactForces) {

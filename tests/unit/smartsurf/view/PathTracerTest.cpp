@@ -120,6 +120,14 @@ TEST(PathTracerTest, WhiteFurnace) {
   EXPECT_GT(seen, 50);
 }
 
+TEST(PathTracerTest, GroundLiesUnderATableFarAway) {
+  TestScene scene(1, 1);
+  scene.spec.surface.cell_poses = {{3000.0, -2000.0, 0.0}};
+  const TracedImage plane =
+      trace(scene, camera_at(scene, {3020, -2000, 20}, {3020, -1988, -2}), furnace(), {.samples = 1}, 12, 8);
+  for (const float covered : plane.coverage) EXPECT_GT(covered, 0.0F);
+}
+
 // Sunlight on a diffuse plane: albedo times the cosine of the sun's elevation.
 TEST(PathTracerTest, SunOnPlane) {
   const TestScene scene(1, 1);

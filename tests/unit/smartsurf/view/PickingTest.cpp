@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 
 #include "tests/unit/smartsurf/view/TestScene.h"
@@ -53,6 +55,40 @@ TEST(Picking, RaisedPinHidesCellsBehindIt) {
   EXPECT_EQ(hit->item.row, 4);
   EXPECT_EQ(hit->item.column, 3) << "the ray passed through the pin";
   EXPECT_NEAR(hit->point.x(), 2.5, 1e-3) << "its west side";
+}
+
+// Over cells of pitch 2 inside a border, nodes every 1 u; heights rise to the east and have one dent.
+TEST(Picking, SkinHidesTheCellsUnderIt) {
+  TestScene scene(8, 8, 3.0f);
+  scene::SurfaceSpec& s = scene.spec.surface;
+  s.pitch = 2.0;
+  s.border_height = 3.0;
+  s.skin = scene::SkinSpec{.rows = 13, .columns = 13, .margin = 1.0};
+  const auto picked = [&](const Ray& ray) { return pick(ray, s, {scene.snapshot, scene.spec.objects}); };
+  const Ray slanted{{-10.0, 3.0, 12.0}, Eigen::Vector3d(1.0, 0.1, -0.7).normalized()};
+  const auto bare = picked(slanted);
+  for (int row = 0; row < 13; ++row)
+    for (int column = 0; column < 13; ++column)
+      scene.snapshot.skin_height.push_back(3.0f + 0.25f * static_cast<float>(column));
+  for (const double x : {1.01, 4.3, 7.9, 12.9}) {
+    const auto hit = picked(downward_ray(x, 6.6));
+    ASSERT_TRUE(hit);
+    EXPECT_NEAR(hit->point.z(), 3.0 + 0.25 * (x - 1.0), 1e-6);
+    EXPECT_EQ(hit->item.column, std::clamp(static_cast<int>(std::lround(x / 2.0)), 1, 6));
+    EXPECT_EQ(hit->item.row, 4);
+  }
+  EXPECT_NEAR(picked(downward_ray(0.5, 6.6))->point.z(), 3.0, 1e-6) << "the border";
+  const auto sloping = picked(slanted);
+  ASSERT_TRUE(sloping && bare);
+  EXPECT_LT(sloping->distance, bare->distance);
+  EXPECT_NEAR(sloping->point.z(), 3.0 + 0.25 * (sloping->point.x() - 1.0), 1e-6);
+  // The node at x = 4, y = 10: the diagonals of its rectangles run from the north-west to the south-east.
+  scene.snapshot.skin_height[3 * 13 + 3] -= 1.0f;
+  EXPECT_NEAR(picked(downward_ray(4.0, 10.0))->point.z(), 2.75, 1e-6);
+  EXPECT_NEAR(picked(downward_ray(4.5, 9.5))->point.z(), 3.375, 1e-6) << "on the diagonal";
+  EXPECT_NEAR(picked(downward_ray(4.5, 10.5))->point.z(), 3.875, 1e-6) << "on the other one's line";
+  const Ray level{{-5.0, 6.0, 4.0}, Eigen::Vector3d::UnitX()};
+  EXPECT_NEAR(picked(level)->point.x(), 5.0, 1e-6);
 }
 
 TEST(Picking, RayEntersShapesAtTheirSurface) {

@@ -92,6 +92,22 @@ TEST_F(WindowTest, LongMetricNamesLeaveRoomForValues) {
   EXPECT_GT(different_pixels(shown(1.0), shown(88880.0)), 100) << "the value is cut";
 }
 
+TEST_F(WindowTest, ShowsGreekAndCyrillicLetters) {
+  TestScene scene(8, 8);
+  Window window(scene.spec, "test", 800, 600);
+  Status status;
+  status.paused = true;
+  const auto shown = [&](const char* name) {
+    const std::pair<std::string, double> metrics[] = {{name, 1.0}};
+    status.metrics = metrics;
+    common::Image image;
+    for (int i = 0; i < 3; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
+    return image;
+  };
+  EXPECT_GT(different_pixels(shown("\u0416"), shown("\u042F")), 10);
+  EXPECT_GT(different_pixels(shown("\u03A9"), shown("\u03A8")), 10);
+}
+
 TEST_F(WindowTest, CoexistsWithOffscreenRendering) {
   TestScene scene(8, 8);
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
