@@ -27,7 +27,7 @@ from ._surface import Channel, FloatArray
 from ._task import Task
 from ._tasks import TASKS, task_file
 from ._vector import Flags, VectorEnv, finite_rewards
-from .policy import LocalPolicy, export_onnx, export_policy, square
+from .policy import LocalPolicy, export_onnx, export_policy, plane_names, square
 
 Vector = NDArray[np.float64]
 Make = Callable[..., VectorEnv]
@@ -98,7 +98,7 @@ def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
 
 def input_names(channels: Sequence[Channel]) -> list[str]:
     """The names of a LocalPolicy's inputs for all planes of these channels."""
-    return [name for c in channels for name in ([c.name] if c.components == 1 else [f"{c.name}.{k}" for k in "rgb"[:c.components]])]
+    return [name for c in channels for name in plane_names(c.name, c.components)]
 
 
 def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, FloatArray, Flags], None]) -> tuple[Vector, Flags]:

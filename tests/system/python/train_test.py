@@ -98,6 +98,28 @@ class Training(ExperimentTest):
             self.assertEqual(self.hash_of_run(script, self.folder / "one/policy.onnx"),
                              self.hash_of_run(script, self.folder / "one/policy.aps"))
 
+    def test_a_policy_reads_every_component_of_a_channel(self):
+        script = self.script(PLATE.replace("sensors = {", "skin = { kind = 'kinematic' },\n          sensors = { camera { resolution = 2 }, "
+                                           "skin_height { resolution = 2 },"))
+        self.train(script, "--iterations", 1, "--candidates", 2, "--runs", 1, "--memory", 1)
+        self.hash_of_run(script, self.folder / "out/policy.aps")
+        inputs = training.input_names(smartsurf.VectorEnv(script, threads=1).sensor_channels)
+        self.assertEqual(inputs, [*(f"camera[{k}]" for k in range(12)),
+                                  *(f"{name}[{k}]" for name in ("camera_height", "skin_height") for k in range(4)),
+                                  "proximity", "proximity_hit", "colour.r", "colour.g", "colour.b"])
+        weights = np.random.default_rng(5).normal(0, 0.5, smartsurf.LocalPolicy.parameters(len(inputs) + 1, 1))
+        policy = smartsurf.LocalPolicy.from_vector(weights, [*inputs, "colour[2]"], [("height", 0, 3)])
+        smartsurf.export_policy(policy, self.folder / "all.aps")
+        expected = self.hash_of_policy(script, lambda _, sensors: policy(sensors))
+        self.assertEqual(self.hash_of_run(script, self.folder / "all.aps"), expected)
+        if HAS_ONNX:
+            smartsurf.export_onnx(policy, self.folder / "all.onnx")
+            self.assertEqual(self.hash_of_run(script, self.folder / "all.onnx"), expected)
+        sensors = {"camera": np.zeros((12, 2, 2)), "colour": np.zeros((3, 2, 2)), "proximity": np.zeros((2, 2))}
+        for name in ("camera[12]", "camera.r", "colour[3]", "proximity.r", "light"):
+            with self.assertRaisesRegex(KeyError, "there is no sensor"):
+                smartsurf.LocalPolicy([name], [("height", 0, 3)], [(np.zeros((1, 1, 5)), [1])])(sensors)
+
     def network(self, convolutions):
         random, layers, planes = np.random.default_rng(4), [], 5
         for units in convolutions:
