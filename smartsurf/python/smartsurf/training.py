@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import hashlib
 import importlib.util
 import json
@@ -24,7 +25,7 @@ from ._core import __version__
 from ._files import replaced
 from ._network import NetworkPolicy
 from ._surface import Channel, FloatArray
-from ._task import Task
+from ._task import Task, TaskVectorEnv
 from ._tasks import TASKS, task_file
 from ._vector import Flags, VectorEnv, finite_rewards
 from .policy import LocalPolicy, export_onnx, export_policy, plane_names, square
@@ -69,8 +70,9 @@ def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: f
 
 def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
     """A name for the folder, the function that makes a task's environment, and the task's file; ValueError if there is none of
-    that name."""
+    that name. The function raises it for what declares no reward or no length of its episodes."""
     path, _, member = name.partition(":")
+    create: Make
     if path.endswith(".py") and member:
         spec = importlib.util.spec_from_file_location("smartsurf_task", path)
         if spec is None or spec.loader is None or not os.path.isfile(path):
@@ -81,19 +83,26 @@ def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
         found = getattr(module, member, None)
         if not isinstance(found, type) or not issubclass(found, Task):
             raise ValueError(f"task {name}: {path} has no smartsurf.Task {member}")
-        return member, found().make_vec, pathlib.Path(path)
-    if path.endswith(".lua"):
-        script = name
+        short, source, create = member, path, found().make_vec
     else:
-        known = {task.id[len("smartsurf/"):-len("-v0")]: task.id for task in TASKS}
-        short = name.removeprefix("smartsurf/").removesuffix("-v0")
-        if short not in known:
-            raise ValueError(f"task {name}: must be EXPERIMENT.lua, FILE.py:CLASS or one of {', '.join(known)}")
-        name, script = short, task_file(known[short])
+        short, source = pathlib.Path(name).stem, name
+        if not path.endswith(".lua"):
+            known = {task.id[len("smartsurf/"):-len("-v0")]: task.id for task in TASKS}
+            short = name.removeprefix("smartsurf/").removesuffix("-v0")
+            if short not in known:
+                raise ValueError(f"task {name}: must be EXPERIMENT.lua, FILE.py:CLASS or one of {', '.join(known)}")
+            source = task_file(known[short])
+        create = functools.partial(VectorEnv, source)
 
     def make(num_envs: int, **arguments: Any) -> VectorEnv:
-        return VectorEnv(script, num_envs, **arguments)
-    return pathlib.Path(name).stem, make, pathlib.Path(script)
+        envs = create(num_envs, **arguments)
+        task = envs.task if isinstance(envs, TaskVectorEnv) else Task()
+        if not envs._description["has_reward"] and type(task).reward is Task.reward:
+            raise ValueError(f"task {name}: has no reward: declare reward()")
+        if envs._description["episode_seconds"] is None and task.episode_seconds is None:
+            raise ValueError(f"task {name}: its episodes have no length: declare episode {{ seconds = … }}, or a Task's episode_seconds")
+        return envs
+    return short, make, pathlib.Path(source)
 
 
 def input_names(channels: Sequence[Channel]) -> list[str]:

@@ -46,6 +46,16 @@ class East(smartsurf.Task):
     def observation(self, state):
         return np.column_stack([state.position("ball"), state.goals["east"]])
 """ % PLATE
+ENDLESS = """
+import smartsurf
+
+
+class Endless(smartsurf.Task):
+    scene = "surface { rows = 2, columns = 2, actuator = pin {} }"
+
+    def reward(self, state):
+        return 0 * state.time
+"""
 # Fails in some episodes.
 FAILING = PLATE.replace("on_reset(function()", "local bad\non_tick(function(t) if bad and t > 0.1 then error('broken') end end)\n"
                         "on_reset(function() bad = random() < 0.4")
@@ -181,6 +191,16 @@ class Training(ExperimentTest):
             result = subprocess.run([os.environ["SMARTSURF"], "train", task], capture_output=True, text=True, cwd=self.folder)
             self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
             self.assertIn(message, result.stderr)
+
+    def test_what_declares_no_reward_or_length_is_one_line(self):
+        for task, message in ((self.script(PLATE.replace("episode {", "-- {"), "endless.lua"), "its episodes have no length: declare"),
+                              (f"{self.script(ENDLESS, 'endless.py')}:Endless", "its episodes have no length: declare"),
+                              (self.script(PLATE.replace("reward(", "local none = ("), "nothing.lua"), "has no reward: declare reward()")):
+            with self.subTest(task=task):
+                result = subprocess.run([os.environ["SMARTSURF"], "train", task], capture_output=True, text=True, cwd=self.folder,
+                                        timeout=100)
+                self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
+                self.assertIn(message, result.stderr)
 
     def test_numbers_out_of_range_are_one_line(self):
         for flag, value, right in (("--seed", "-1", "a whole number, 0 to 9223372036854775807"),
