@@ -30,7 +30,7 @@ from ._printable import printable
 from ._task import TaskVectorEnv
 from ._vector import VectorEnv, finite_rewards
 from .policy import LocalPolicy
-from .training import Log, channel_scale, local_policy
+from .training import Log, channel_scale, local_policy, training_seeds
 
 Floats = NDArray[np.float32]
 
@@ -223,7 +223,7 @@ class Learner:
         self._fresh = np.ones(worlds, np.bool_)
         self._last_reward = np.zeros((worlds, 2), np.float32)  # and 1 if there is one in this episode
         envs.objects  # from now on the batch writes their states
-        self._observe(envs.reset(seed=how.seed)[0])
+        self._observe(envs.reset(seed=training_seeds(how.seed, worlds).start)[0])
         self.judged_moments = Moments(self._judged.shape[1:], 1e-2)
         sizes = [self._judged.shape[1], 64, 64]
         parts: list[Any] = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Linear(m, n), nn.Tanh())]

@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=whole(0, 2**63 - 1), default=1, help="of everything random [1]")
     parser.add_argument("--neighbours", type=int, choices=(0, 4, 8), help="that each cell of a local policy reads [cem 4, ppo 8]")
     parser.add_argument("--memory", type=whole(0), default=0, help="values that each cell of a local policy remembers [0]")
-    parser.add_argument("--test", type=whole(0), default=0, metavar="N",
+    parser.add_argument("--test", type=whole(0, 10**6), default=0, metavar="N",
                         help="episodes of other seeds after each iteration, which neither samples nor times count [0]")
     parser.add_argument("--threads", type=whole(1), default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="FOLDER")

@@ -34,6 +34,17 @@ Vector = NDArray[np.float64]
 Make = Callable[..., VectorEnv]
 
 
+TEST_SEEDS = range(10**6, 2 * 10**6)  # of which training has none
+
+
+def training_seeds(first: int, count: int) -> range:
+    """Seeds for any whole number `first`: those from it on, where these are seeds and none is of a test."""
+    first %= 2**63 - count
+    if first < TEST_SEEDS.stop and first + count > TEST_SEEDS.start:
+        first += 2**62
+    return range(first, first + count)
+
+
 class Generation(NamedTuple):
     """What a generation of the cross-entropy method has led to: the mean score of all candidates and of the best fifth, and the
     mean of these."""
@@ -55,8 +66,7 @@ def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: f
         source.bit_generator.state = state["random"]
     elite = max(2, candidates // 5)
     for generation in range(start, generations):
-        first = 1 + (seed - 1) * 10**9 + generation * runs
-        seeds = range(first, first + runs)
+        seeds = training_seeds(1 + (seed - 1) * 10**9 + generation * runs, runs)
         vectors = mean + deviations * source.standard_normal((candidates, len(mean)))
         values = scores(vectors, seeds)
         best = np.argsort(values)[-elite:]
@@ -125,8 +135,7 @@ def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, Floa
 
 
 class Tester:
-    """Episodes of seeds that no training uses, run by a policy without exploration."""
-    FIRST_SEED = 10**6
+    """Episodes of the TEST_SEEDS, run by a policy without exploration."""
 
     def __init__(self, make: Make, episodes: int, threads: int):
         self._envs = make(episodes, threads=threads, copy=False)
@@ -144,7 +153,7 @@ class Tester:
                     commands[:, c] = plane
             else:
                 commands[...] = policy(envs._observations if of_planes else observation)
-        total, success = run_episodes(envs, envs.reset(seed=self.FIRST_SEED)[0], command)
+        total, success = run_episodes(envs, envs.reset(seed=TEST_SEEDS.start)[0], command)
         return float(total.mean()), float(success.mean())
 
     def close(self) -> None:

@@ -205,7 +205,7 @@ class Training(ExperimentTest):
     def test_numbers_out_of_range_are_one_line(self):
         for flag, value, right in (("--seed", "-1", "a whole number, 0 to 9223372036854775807"),
                                    ("--seed", "9223372036854775808", "a whole number, 0 to 9223372036854775807"),
-                                   ("--test", "-1", "a whole number, 0 to 2147483647"), ("--test", "1.5", "a whole number"),
+                                   ("--test", "-1", "a whole number, 0 to 1000000"), ("--test", "1.5", "a whole number"),
                                    ("--memory", "-1", "a whole number, 0 to"), ("--iterations", "0", "a whole number, 1 to"),
                                    ("--hidden", "4,0", "a whole number, 1 to"), ("--together", "1.5", "a number, 0 to 1"),
                                    ("--entropy", "nan", "a finite number, 0 or above"), ("--entropy", "-1", "a finite number, 0 or"),
@@ -216,6 +216,27 @@ class Training(ExperimentTest):
                                         cwd=self.folder)
                 self.assertEqual(result.returncode, 2)
                 self.assertRegex(result.stderr, rf"\Asmartsurf train: {flag}: {value.split(',')[-1]}: must be {right}[^\n]*\n\Z")
+
+    def test_every_seed_trains_on_seeds_of_its_own(self):
+        (self.folder / "plate.lua").write_text(SHORT)
+        policies = set()
+        for seed in (0, 1, 10**10, 2**63 - 1):
+            self.train_here(self.folder / "plate.lua", "--iterations", 1, "--candidates", 2, "--runs", 1, "--hidden", 1, "--seed", seed)
+            policies.add((self.folder / "out/policy.aps").read_text())
+        self.assertEqual(len(policies), 4)
+        self.assertEqual(training.training_seeds(7, 3), range(7, 10))
+        for first in (-10**9, 10**6 - 2, 10**6, 2 * 10**6 - 1, 2**63 - 2, 10**19):
+            seeds = training.training_seeds(first, 3)
+            self.assertEqual(len(seeds), 3)
+            self.assertTrue(0 <= seeds[0] and seeds[-1] < 2**63)
+            self.assertFalse(set(seeds) & set(training.TEST_SEEDS))
+
+    @needs_torch
+    def test_every_seed_trains_by_ppo(self):
+        (self.folder / "plate.lua").write_text(SHORT)
+        for seed in (0, 2**63 - 1):
+            self.train_here(self.folder / "plate.lua", "--method", "ppo", "--iterations", 1, "--worlds", 2, "--horizon", 2, "--hidden", 1,
+                            "--seed", seed)
 
     def test_a_run_replaces_an_older_one(self):
         old = self.folder / "out/events.out.tfevents.1.there.1.0"
