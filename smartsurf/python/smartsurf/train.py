@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from . import training
     except ImportError as error:
         raise ValueError(f"{error}; it needs the package's extra 'learning' (docs/python.md)") from error
-    name, make, source = training.find_task(how.task)
+    name, make, sources = training.find_task(how.task)
     folder = how.out or pathlib.Path("out/train") / f"{name}-{how.method}"
     learn: Any = training.train_cem
     if how.method == "ppo":
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if how.policy != "local" and importlib.util.find_spec("onnx") is None:
         print(f"smartsurf train: --policy {how.policy}: the policy is written as ONNX alone, which needs onnx: pip install onnx; "
               "without it this training leaves no policy", file=sys.stderr, flush=True)
-    log = training.Log(folder, make, how, f"{name}: learned by smartsurf train --method {how.method}.", source)
+    log = training.Log(folder, make, how, f"{name}: learned by smartsurf train --method {how.method}.", sources)
     if log.finished:
         return
     learn(make, how, log)

@@ -78,8 +78,8 @@ def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: f
         yield Generation(generation, float(values.mean()), float(values[best].mean()), mean)
 
 
-def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
-    """A name for the folder, the function that makes a task's environment, and the task's file; ValueError if there is none of
+def find_task(name: str) -> tuple[str, Make, list[pathlib.Path]]:
+    """A name for the folder, the function that makes a task's environment, and the task's files; ValueError if there is none of
     that name. The function raises it for what declares no reward or no length of its episodes."""
     path, _, member = name.partition(":")
     create: Make
@@ -93,16 +93,16 @@ def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
         found = getattr(module, member, None)
         if not isinstance(found, type) or not issubclass(found, Task):
             raise ValueError(f"task {name}: {path} has no smartsurf.Task {member}")
-        short, source, create = member, path, found().make_vec
+        short, sources, create = member, [path, found.script], found().make_vec
     else:
-        short, source = pathlib.Path(name).stem, name
+        short, script = pathlib.Path(name).stem, name
         if not path.endswith(".lua"):
             known = {task.id[len("smartsurf/"):-len("-v0")]: task.id for task in TASKS}
             short = name.removeprefix("smartsurf/").removesuffix("-v0")
             if short not in known:
                 raise ValueError(f"task {name}: must be EXPERIMENT.lua, FILE.py:CLASS or one of {', '.join(known)}")
-            source = task_file(known[short])
-        create = functools.partial(VectorEnv, source)
+            script = task_file(known[short])
+        sources, create = [script], functools.partial(VectorEnv, script)
 
     def make(num_envs: int, **arguments: Any) -> VectorEnv:
         envs = create(num_envs, **arguments)
@@ -112,7 +112,7 @@ def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
         if envs._description["episode_seconds"] is None and task.episode_seconds is None:
             raise ValueError(f"task {name}: its episodes have no length: declare episode {{ seconds = … }}, or a Task's episode_seconds")
         return envs
-    return short, make, pathlib.Path(source)
+    return short, make, [pathlib.Path(source) for source in sources if source is not None]
 
 
 def input_names(channels: Sequence[Channel]) -> list[str]:
@@ -166,12 +166,13 @@ class Log:
     FIELDS = ("iteration", "samples", "episodes", "cpu_s", "wall_s", "return", "best_return", "success_rate", "test_return",
               "test_success_rate")
 
-    def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace, title: str, source: pathlib.Path):
-        """source: the task's file."""
+    def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace, title: str, sources: Sequence[pathlib.Path]):
+        """sources: the task's files."""
         self._folder, self._title, self._checkpoint = folder, title, folder / "checkpoint.npz"
         # All that the policy depends on.
-        self._given = {"smartsurf": __version__, "TASK": pathlib.Path(how.task).name,
-                       f"SHA-256 of {source.name}": hashlib.sha256(source.read_bytes()).hexdigest()[:16]}
+        self._given = {"smartsurf": __version__, "TASK": pathlib.Path(how.task).name}
+        for source in sources:
+            self._given[f"SHA-256 of {source.name}"] = hashlib.sha256(source.read_bytes()).hexdigest()[:16]
         for name, value in vars(how).items():
             if name not in ("task", "out", "resume", "threads"):
                 text = ",".join(map(str, value or [0])) if isinstance(value, tuple) else str(value)

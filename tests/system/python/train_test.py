@@ -340,6 +340,12 @@ class Training(ExperimentTest):
         script.write_text(PLATE + "\n")
         with self.assertRaisesRegex(ValueError, "out was trained with SHA-256 of experiment.lua "):
             self.train_here(*how, "--resume")
+        task = TASK.replace("scene =", f"script = {str(script)!r}\n    text =")
+        how_in_python = [f"{self.script(task, 'task.py')}:East", *how[1:]]
+        self.train_here(*how_in_python)
+        script.write_text(PLATE)
+        with self.assertRaisesRegex(ValueError, "out was trained with SHA-256 of experiment.lua "):
+            self.train_here(*how_in_python, "--resume")
         (self.folder / "out/checkpoint.npz").write_bytes(b"PK")
         with self.assertRaisesRegex(ValueError, "checkpoint.npz: is no checkpoint of smartsurf train"):
             self.train_here(*how, "--resume")
