@@ -202,12 +202,12 @@ class Learner:
         planes, shape = (len(envs._planes()), envs.rows, envs.columns), envs.single_observation_space.shape
         if how.policy == "mlp" and shape is None:
             raise ValueError("--policy mlp: the task's observation is a dict: it must be one array")
-        # A local policy and a CNN see the planes of the sensors, an MLP the task's own observation.
-        self._sees_planes = how.policy != "mlp" or shape == planes
+        # A local policy and a CNN see the planes of the sensors, an MLP what the task observes.
+        self._sees_planes = how.policy != "mlp" or envs._observes_planes
         own = planes if self._sees_planes or shape is None else shape
         scales = np.array([channel_scale(c.minimum, c.maximum) for c in envs.sensor_channels
                            for _ in range(c.components)], np.float32)
-        self.moments = Moments(own, 0.02 / scales[:, None, None] if own == planes else 1e-4)
+        self.moments = Moments(own, 0.02 / scales[:, None, None] if self._sees_planes else 1e-4)
         action = (len(self.channels), envs.rows, envs.columns)
         self.actor = Actor(how.policy, own, tuple(how.hidden), action, how.memory, how.neighbours, self.moments,
                            how.exploration, how.together)

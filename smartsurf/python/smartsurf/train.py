@@ -3,7 +3,7 @@
 TASK is a task of docs/tasks.md (Relocate), an experiment with reward() and episode{} (plate.lua), or a smartsurf.Task
 (turn.py:TurnBox). FOLDER [out/train/TASK-METHOD] receives curve.csv, by samples and processor time, the same for TensorBoard
 where that is installed, and after each iteration the policy: policy.onnx, and if it is local policy.aps. Both are controllers
-of `smartsurf run`.
+of `smartsurf run`, except for an mlp that sees a Task's own observation.
 
   cem   the cross-entropy method (Rubinstein 1999) over the parameters of a LocalPolicy. Needs NumPy and Gymnasium alone.
   ppo   proximal policy optimization (Schulman et al. 2017), after CleanRL's. Every cell's commands are an action of their own,

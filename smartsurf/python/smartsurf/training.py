@@ -137,13 +137,12 @@ def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, Floa
 class Tester:
     """Episodes of the TEST_SEEDS, run by a policy without exploration."""
 
-    def __init__(self, make: Make, episodes: int, threads: int):
-        self._envs = make(episodes, threads=threads, copy=False)
+    def __init__(self, make: Make, how: argparse.Namespace):
+        self._envs, self._of_planes = make(how.test, threads=how.threads, copy=False), how.policy == "cnn"
 
     def __call__(self, policy: LocalPolicy | NetworkPolicy) -> tuple[float, float]:
         """Mean return and share of successes."""
         envs, inputs = self._envs, input_names(self._envs.sensor_channels)
-        of_planes = isinstance(policy, NetworkPolicy) and policy.observation_shape == envs._observations.shape[1:]
         if isinstance(policy, LocalPolicy):
             policy.reset()
 
@@ -152,7 +151,7 @@ class Tester:
                 for c, plane in enumerate(policy(dict(zip(inputs, envs._observations.swapaxes(0, 1)))).values()):
                     commands[:, c] = plane
             else:
-                commands[...] = policy(envs._observations if of_planes else observation)
+                commands[...] = policy(envs._observations if self._of_planes else observation)
         total, success = run_episodes(envs, envs.reset(seed=TEST_SEEDS.start)[0], command)
         return float(total.mean()), float(success.mean())
 
@@ -185,7 +184,7 @@ class Log:
         if how.resume:
             print(f"{folder}: has {self.iterations} of {how.iterations} iterations", flush=True)
         folder.mkdir(parents=True, exist_ok=True)
-        self._tester = Tester(make, how.test, how.threads) if how.test and not self.finished else None
+        self._tester = Tester(make, how) if how.test and not self.finished else None
         self._board: Any = None
         self._start, self._cpu = time.monotonic() - kept.get("wall_s", 0.0), time.process_time() - kept.get("cpu_s", 0.0)
 

@@ -373,6 +373,29 @@ class Training(ExperimentTest):
         self.assertRegex(error, r"^smartsurf train: out/[a-z.]+: No such file or directory\n$")
 
     @needs_torch
+    def test_an_mlp_sees_the_observation_of_a_task_and_a_cnn_the_planes(self):
+        """Also where both have the same shape; in training and in its tests."""
+        from smartsurf import _ppo
+        task = f"{self.script(TASK.replace('np.column_stack(', 'np.full((len(state.time), 5, 6, 8), 100) + 0 * len('), 'task.py')}:East"
+        learn, call = _ppo.Learner.rollout, smartsurf.NetworkPolicy.__call__
+        for policy in ("mlp", "cnn"):
+            trained, tested = [], []
+
+            def rollout(learner, decisions):
+                trained.append(learner._seen)
+                return learn(learner, decisions)
+
+            def command(network, observation):
+                tested.append(observation.copy())
+                return call(network, observation)
+            with self.subTest(policy=policy), mock.patch.object(_ppo.Learner, "rollout", rollout), \
+                    mock.patch.object(smartsurf.NetworkPolicy, "__call__", command):
+                self.train_here(task, "--method", "ppo", "--policy", policy, "--hidden", 2, "--iterations", 1, "--worlds", 2,
+                                "--horizon", 2, "--test", 1)
+                for seen in (trained, tested):
+                    self.assertEqual({np.all(each == 100) for each in seen}, {policy == "mlp"})
+
+    @needs_torch
     def test_failing_worlds_leave_finite_weights(self):
         """Their rewards are NaN, and so are the positions that the task's observation has."""
         import torch
