@@ -22,7 +22,7 @@ try:
 except ImportError as error:
     print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
     sys.exit(77)
-from experiments import ExperimentTest
+from experiments import ENDINGS, ExperimentTest
 
 # A ball is to come to the east.
 PLATE = """
@@ -516,6 +516,32 @@ class Training(ExperimentTest):
         noise = actor.noise(actor.draw(400, torch.Generator().manual_seed(1)), features, torch.Generator()).detach().numpy()
         across = noise[:, :, 10:12, 7:9].mean(axis=(2, 3)) - noise[:, :, 4:6, 7:9].mean(axis=(2, 3))  # of an object of 6 cells
         self.assertGreater(across.std(), noise[:, :, 7:9, 7:9].mean(axis=(2, 3)).std())
+
+    @needs_torch
+    def test_a_decision_belongs_to_one_episode(self):
+        """Returns and samples are those of whole episodes, of any length, and each begins with a decision of its own."""
+        from smartsurf import _ppo
+        for hold in (1, 4, 7, 40):
+            with self.subTest(hold=hold), mock.patch.object(_ppo, "train") as called:
+                self.train_here(self.script(ENDINGS), "--method", "ppo", "--hidden", 2, "--hold", hold, "--worlds", 3, "--threads", 1)
+                learner = _ppo.Learner(*called.call_args.args[:2])
+                learner.warm_up()  # for commands within their range
+                step, running, returns, samples = learner.envs.step, learner._running.copy(), learner.returns.copy(), learner.samples
+                before, over = np.zeros((3, 1, 4, 4)), np.zeros(3, bool)
+
+                def counted(commands):
+                    self.assertTrue((commands != before).any(axis=(1, 2, 3))[over].all())
+                    before[...], stepped = commands, step(commands)
+                    running[...], over[...] = running + stepped[1], stepped[2] | stepped[3]
+                    returns.extend(running[over])
+                    running[over] = 0
+                    return stepped
+                with mock.patch.object(learner.envs, "step", counted):
+                    learner.rollout(120 // hold)
+                np.testing.assert_array_equal(learner.returns, returns)
+                self.assertEqual((learner.episodes, learner.samples - samples), (len(returns), 3 * hold * (120 // hold)))
+                self.assertGreater(len(returns), 9)
+                learner.envs.close()
 
     @needs_torch
     def test_the_value_sees_the_last_reward(self):
