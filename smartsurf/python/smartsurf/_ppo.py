@@ -202,6 +202,8 @@ class Learner:
         planes, shape = (len(envs._planes()), envs.rows, envs.columns), envs.single_observation_space.shape
         if how.policy == "mlp" and shape is None:
             raise ValueError("--policy mlp: the task's observation is a dict: it must be one array")
+        if how.policy == "cnn" and not planes[0]:
+            raise ValueError("--policy cnn: the surface has no sensors, whose planes it sees")
         # A local policy and a CNN see the planes of the sensors, an MLP what the task observes.
         self._sees_planes = how.policy != "mlp" or envs._observes_planes
         own = planes if self._sees_planes or shape is None else shape

@@ -150,7 +150,8 @@ class LocalPolicy:
     def __call__(self, observation: Mapping[str, NDArray[Any]], *, active: ArrayLike | None = None,
                  links: ArrayLike | None = None) -> dict[str, FloatArray]:
         """One tick. observation: channel → array (…, rows, columns); 'colour.r' is also found as component 0 of an array
-        'colour' of shape (…, 3, rows, columns), 'camera[3]' as component 3 of an array 'camera'. Returns channel → float32 array (…, rows, columns).
+        'colour' of shape (…, 3, rows, columns), 'camera[3]' as component 3 of an array 'camera'. Returns channel → float32 array
+        (…, rows, columns).
 
         The faults of a surface without a common clock, to train with: active: bool, (…, rows, columns), or with a first axis of
         steps, the cells that compute in this step; the others keep memory and commands. links: bool, (…, 4 or 8, rows, columns),

@@ -373,6 +373,12 @@ class Training(ExperimentTest):
         self.assertRegex(error, r"^smartsurf train: out/[a-z.]+: No such file or directory\n$")
 
     @needs_torch
+    def test_a_cnn_without_sensors_is_refused(self):
+        script = self.script(PLATE.replace("sensors = { proximity { range = 4 }, colour { range = 4 } }", ""))
+        with self.assertRaisesRegex(ValueError, "--policy cnn: the surface has no sensors"):
+            self.train_here(script, "--method", "ppo", "--policy", "cnn", "--worlds", 2, "--horizon", 2, "--iterations", 1)
+
+    @needs_torch
     def test_an_mlp_sees_the_observation_of_a_task_and_a_cnn_the_planes(self):
         """Also where both have the same shape; in training and in its tests."""
         from smartsurf import _ppo
