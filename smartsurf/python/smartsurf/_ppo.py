@@ -30,7 +30,7 @@ from ._printable import printable
 from ._task import TaskVectorEnv
 from ._vector import VectorEnv, finite_rewards
 from .policy import LocalPolicy
-from .training import Log, channel_scale, local_policy
+from .training import Log, channel_scale, local_policy, training_seeds
 
 Floats = NDArray[np.float32]
 
@@ -202,12 +202,14 @@ class Learner:
         planes, shape = (len(envs._planes()), envs.rows, envs.columns), envs.single_observation_space.shape
         if how.policy == "mlp" and shape is None:
             raise ValueError("--policy mlp: the task's observation is a dict: it must be one array")
-        # A local policy and a CNN see the planes of the sensors, an MLP the task's own observation.
-        self._sees_planes = how.policy != "mlp" or shape == planes
+        if how.policy == "cnn" and not planes[0]:
+            raise ValueError("--policy cnn: the surface has no sensors, whose planes it sees")
+        # A local policy and a CNN see the planes of the sensors, an MLP what the task observes.
+        self._sees_planes = how.policy != "mlp" or envs._observes_planes
         own = planes if self._sees_planes or shape is None else shape
         scales = np.array([channel_scale(c.minimum, c.maximum) for c in envs.sensor_channels
                            for _ in range(c.components)], np.float32)
-        self.moments = Moments(own, 0.02 / scales[:, None, None] if own == planes else 1e-4)
+        self.moments = Moments(own, 0.02 / scales[:, None, None] if self._sees_planes else 1e-4)
         action = (len(self.channels), envs.rows, envs.columns)
         self.actor = Actor(how.policy, own, tuple(how.hidden), action, how.memory, how.neighbours, self.moments,
                            how.exploration, how.together)
@@ -223,7 +225,7 @@ class Learner:
         self._fresh = np.ones(worlds, np.bool_)
         self._last_reward = np.zeros((worlds, 2), np.float32)  # and 1 if there is one in this episode
         envs.objects  # from now on the batch writes their states
-        self._observe(envs.reset(seed=how.seed)[0])
+        self._observe(envs.reset(seed=training_seeds(how.seed, worlds).start)[0])
         self.judged_moments = Moments(self._judged.shape[1:], 1e-2)
         sizes = [self._judged.shape[1], 64, 64]
         parts: list[Any] = [part for m, n in zip(sizes, sizes[1:]) for part in (nn.Linear(m, n), nn.Tanh())]
@@ -280,59 +282,68 @@ class Learner:
                 self._last_reward[again == decision] = 0
                 self._observe(self.envs.reset(options={"reset_mask": again == decision})[0])
 
+    def _decide(self, worlds: NDArray[np.bool_], ticks: int) -> Any:
+        """The actions of some worlds for so many ticks."""
+        renewed, which = worlds & (self._fresh | (self._noise_ticks <= 0)), torch.from_numpy(worlds)
+        if renewed.any():
+            self._functions[torch.from_numpy(renewed)] = self.actor.draw(int(renewed.sum()), self._generator)
+            self._noise_ticks[renewed] = self.how.noise_ticks
+        self._noise_ticks[worlds] -= ticks
+        with torch.no_grad():
+            mean, memory, features = self.actor(torch.from_numpy(self._seen)[which], self._memory[which])
+            actions = mean + self.actor.noise(self._functions[which], features, self._generator)
+        self._memory = self._memory.clone()
+        self._memory[which] = memory
+        return actions
+
+    def _commands(self, actions: Any) -> Floats:
+        middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
+        commands: Floats = (middle + half * np.clip(actions.numpy(), -1, 1)).astype(np.float32)
+        return commands
+
     def rollout(self, decisions: int) -> dict[str, Any]:
         """What the worlds do in some decisions; lists over these, and the ends by time: (decision, worlds, last
         observations)."""
         how, worlds = self.how, self.how.worlds
         names = ("seen", "judged", "actions", "rewards", "ends", "fresh", "memory", "cut")
         out: dict[str, Any] = {name: [] for name in names}
-        middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
         for decision in range(decisions):
-            renewed = self._fresh | (self._noise_ticks <= 0)
-            if renewed.any():
-                self._functions[torch.from_numpy(renewed)] = self.actor.draw(int(renewed.sum()), self._generator)
-                self._noise_ticks[renewed] = how.noise_ticks
-            self._noise_ticks -= how.hold
             self._memory[torch.from_numpy(self._fresh)] = 0
             for name, value in (("seen", self._seen), ("judged", self._judged), ("fresh", self._fresh)):
                 out[name].append(torch.from_numpy(value))
             out["memory"].append(self._memory)
-            with torch.no_grad():
-                mean, self._memory, features = self.actor(out["seen"][-1], self._memory)
-                actions = mean + self.actor.noise(self._functions, features, self._generator)
-            out["actions"].append(actions)
-            commands = (middle + half * np.clip(actions.numpy(), -1, 1)).astype(np.float32)
+            out["actions"].append(self._decide(np.ones(worlds, np.bool_), how.hold))
+            commands = self._commands(out["actions"][-1])
             reward, over = np.zeros(worlds), np.zeros(worlds, np.bool_)
-            for _ in range(how.hold):
+            for left in reversed(range(how.hold)):
                 observation, tick_reward, terminated, truncated, infos = self.envs.step(commands)
                 failed = np.isnan(tick_reward)
                 tick_reward = finite_rewards(tick_reward, infos)
                 self._last_reward = np.stack([tick_reward, np.ones(worlds)], axis=1).astype(np.float32)
-                # A next episode's rewards count from its first decision on.
-                tick_reward = np.where(over, 0, tick_reward)
-                reward += tick_reward / how.hold
+                reward += np.where(over, 0, tick_reward / how.hold)
                 self._running += tick_reward
-                self.samples += int((~over).sum())
-                again = terminated | truncated
-                ends = again & ~over
-                if ends.any():
-                    self.returns += list(self._running[ends])
-                    self.won += list(infos["success"][ends])
-                    self.episodes += int(ends.sum())
-                    self._running[ends] = 0
-                    cut = np.flatnonzero(ends & truncated & ~terminated)
+                self.samples += worlds
+                self._fresh = terminated | truncated
+                if self._fresh.any():
+                    self.returns += list(self._running[self._fresh])
+                    self.won += list(infos["success"][self._fresh])
+                    self.episodes += int(self._fresh.sum())
+                    self._running[self._fresh] = 0
+                    cut = np.flatnonzero(truncated & ~terminated & ~over)
                     if len(cut):
                         before = self._judged
                         self._observe(observation)
                         self._judged[failed] = before[failed]  # whose objects are not known
                         out["cut"].append((decision, cut, torch.from_numpy(self._judged[cut])))
-                    over |= ends
-                if again.any():
-                    observation, _ = self.envs.reset(options={"reset_mask": again})
+                    over |= self._fresh
+                    observation, _ = self.envs.reset(options={"reset_mask": self._fresh})
+                    self._last_reward[self._fresh] = 0
+                    if left:
+                        # The next episode decides at once; it is learned from the next decision of all worlds on.
+                        self._observe(observation)
+                        commands[self._fresh] = self._commands(self._decide(self._fresh, left))
             out["rewards"].append(reward)
             out["ends"].append(over)
-            self._fresh = over
-            self._last_reward[over] = 0
             self._observe(observation)
         return out
 

@@ -308,6 +308,7 @@ class TaskVectorEnv(VectorEnv):
                  autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **arguments: Unpack[MostArguments]):
         self.task = task
         self._judge = _Judge(task, num_envs)
+        self._observes_planes = type(task).observation is Task.observation
         def merged(own: Any) -> Any:
             return {**task.set, **own} if isinstance(own, Mapping) else own
         options = ([merged(own) for own in set] if isinstance(set, Sequence) and not isinstance(set, str)
@@ -341,7 +342,7 @@ class TaskVectorEnv(VectorEnv):
     def _observe(self, state: State) -> Any:
         """The task's observation; of the worlds that have failed, whose objects and info{} are NaN, the last one."""
         seen = self._judge.observation(state)
-        if type(self.task).observation is not Task.observation:  # the planes are the last ones anyway
+        if not self._observes_planes:  # which are the last ones anyway
             if self._failed.any():
                 for name, values in (seen if isinstance(seen, dict) else {"": seen}).items():
                     values[self._failed] = self._last[name][self._failed] if self._last else 0  # that never started

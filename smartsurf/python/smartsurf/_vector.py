@@ -86,6 +86,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     record_worlds: which worlds, numbers or a mask [all]. record_every: the episodes 1, 1 + record_every, … of each [1].
     """
     metadata = {"render_modes": ["rgb_array"], "render_fps": 60}
+    _observes_planes = True  # of the sensors
 
     def __init__(self, experiment: PathName, num_envs: int = 1, threads: int | None = None,
                  set: Options | Sequence[Options] | None = None, engine: str | None = None,

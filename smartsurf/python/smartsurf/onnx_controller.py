@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._printable import guard_output, printable
+from .policy import _plane, plane_names
 
 FloatArray = NDArray[np.float32]
 
@@ -44,9 +45,10 @@ class OnnxPolicy:
         self._path = path
         self._inputs = [i.name for i in self._session.get_inputs()]
         self._outputs = [o.name for o in self._session.get_outputs()]
-        planes = {name if count == 1 else f"{name}.{'rgb'[k]}" for name, count in sensors.items() for k in range(min(count, 3))}
+        planes = [plane for name, count in sensors.items() for plane in plane_names(name, count)]
+        numbered = [f"{name}[{k}]" for name, count in sensors.items() if count > 1 for k in range(count)]
         for name in self._inputs:
-            if name not in ("observation", *planes) and not name.startswith("MEMORY"):
+            if name not in ("observation", *planes, *numbered) and not name.startswith("MEMORY"):
                 raise ValueError(f"{path}: its input '{name}' is no sensor channel: there are observation, "
                                  f"{', '.join(sorted(planes))}")
         for name in self._outputs:
@@ -68,8 +70,7 @@ class OnnxPolicy:
                 return observation
             if name.startswith("MEMORY"):
                 return self._memory.get(name, np.zeros(shape, np.float32))
-            channel, _, component = name.partition(".")
-            return sensors[channel]["rgb".index(component)] if component else sensors[channel]
+            return _plane(sensors, name)
         feed = {name: np.ascontiguousarray(value(name), np.float32)[None] for name in self._inputs}
         commands: dict[str, FloatArray] = {}
         for given in self._session.get_inputs():

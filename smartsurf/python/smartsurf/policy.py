@@ -72,10 +72,17 @@ def draw_links(random: np.random.Generator, shape: Sequence[int], dead: float, d
     return links
 
 
+def plane_names(channel: str, components: int) -> list[str]:
+    """The names of a channel's planes in APRON."""
+    if components == 1:
+        return [channel]
+    return [f"{channel}.{k}" for k in "rgb"] if components == 3 else [f"{channel}[{k}]" for k in range(components)]
+
+
 class LocalPolicy:
     """A network of layers of cross-shaped or 3×3 kernels, with rectification (max(x, 0)) between them.
 
-    inputs: sensor channels by their APRON names ('proximity', 'colour.r'), or 'row' and 'column': the cell's position
+    inputs: sensor channels by their APRON names ('proximity', 'colour.r', 'camera[3]'), or 'row' and 'column': the cell's position
         relative to the centre of the array, in cells, southward and eastward.
     actions: the command channels; the first outputs of the last layer, clamped to low … high.
     layers: pairs of weights, shape (out, in, 5) or, with diagonal neighbours, (out, in, 9), in the order of TAPS, and biases,
@@ -93,7 +100,7 @@ class LocalPolicy:
         self.inputs, self.actions, self.memory = tuple(inputs), tuple(Action(*a) for a in actions), memory
         self.layers = [(np.array(w, np.float32), np.array(b, np.float32)) for w, b in layers]
         for name in (*self.inputs, *(action.channel for action in self.actions)):
-            if not re.fullmatch(r"\w+(\.\w+)?", name):
+            if not re.fullmatch(r"\w+(\.\w+)*(\[\d+\])?", name):
                 raise ValueError(f"'{name}' is not the name of a channel")
         for channel, low, high in self.actions:
             if not (np.isfinite((low, high)).all() and low <= high):
@@ -142,8 +149,9 @@ class LocalPolicy:
 
     def __call__(self, observation: Mapping[str, NDArray[Any]], *, active: ArrayLike | None = None,
                  links: ArrayLike | None = None) -> dict[str, FloatArray]:
-        """One tick. observation: channel → array (…, rows, columns); 'colour.r' is also found as component 0, 1 or 2 of an
-        array 'colour' of shape (…, 3, rows, columns). Returns channel → float32 array (…, rows, columns).
+        """One tick. observation: channel → array (…, rows, columns); 'colour.r' is also found as component 0 of an array
+        'colour' of shape (…, 3, rows, columns), 'camera[3]' as component 3 of an array 'camera'. Returns channel → float32 array
+        (…, rows, columns).
 
         The faults of a surface without a common clock, to train with: active: bool, (…, rows, columns), or with a first axis of
         steps, the cells that compute in this step; the others keep memory and commands. links: bool, (…, 4 or 8, rows, columns),
@@ -184,9 +192,13 @@ def _plane(observation: Mapping[str, NDArray[Any]], name: str) -> FloatArray:
         if plane.ndim < 2:
             raise ValueError(f"'{name}' has shape {plane.shape}: must be (…, rows, columns)")
         return plane
-    channel, dot, component = name.rpartition(".")
-    if channel in observation and component in ("r", "g", "b"):
-        return np.asarray(observation[channel], np.float32)[..., "rgb".index(component), :, :]
+    component = re.fullmatch(r"(.+?)(?:\.([rgb])|\[(\d+)\])", name)
+    if component and component[1] in observation:
+        planes = np.asarray(observation[component[1]], np.float32)
+        count = planes.shape[-3] if planes.ndim > 2 else 1
+        k = int(component[3]) if component[3] else "rgb".index(component[2]) if count == 3 else count
+        if k < count:
+            return planes[..., k, :, :]
     raise KeyError(f"there is no sensor '{name}' in the observation; there are {', '.join(observation)}")
 
 

@@ -3,7 +3,7 @@
 TASK is a task of docs/tasks.md (Relocate), an experiment with reward() and episode{} (plate.lua), or a smartsurf.Task
 (turn.py:TurnBox). FOLDER [out/train/TASK-METHOD] receives curve.csv, by samples and processor time, the same for TensorBoard
 where that is installed, and after each iteration the policy: policy.onnx, and if it is local policy.aps. Both are controllers
-of `smartsurf run`.
+of `smartsurf run`, except for an mlp that sees a Task's own observation.
 
   cem   the cross-entropy method (Rubinstein 1999) over the parameters of a LocalPolicy. Needs NumPy and Gymnasium alone.
   ppo   proximal policy optimization (Schulman et al. 2017), after CleanRL's. Every cell's commands are an action of their own,
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=whole(0, 2**63 - 1), default=1, help="of everything random [1]")
     parser.add_argument("--neighbours", type=int, choices=(0, 4, 8), help="that each cell of a local policy reads [cem 4, ppo 8]")
     parser.add_argument("--memory", type=whole(0), default=0, help="values that each cell of a local policy remembers [0]")
-    parser.add_argument("--test", type=whole(0), default=0, metavar="N",
+    parser.add_argument("--test", type=whole(0, 10**6), default=0, metavar="N",
                         help="episodes of other seeds after each iteration, which neither samples nor times count [0]")
     parser.add_argument("--threads", type=whole(1), default=len(os.sched_getaffinity(0)), help="that compute worlds [one per core]")
     parser.add_argument("-o", "--out", type=pathlib.Path, metavar="FOLDER")
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from . import training
     except ImportError as error:
         raise ValueError(f"{error}; it needs the package's extra 'learning' (docs/python.md)") from error
-    name, make, source = training.find_task(how.task)
+    name, make, sources = training.find_task(how.task)
     folder = how.out or pathlib.Path("out/train") / f"{name}-{how.method}"
     learn: Any = training.train_cem
     if how.method == "ppo":
@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if how.policy != "local" and importlib.util.find_spec("onnx") is None:
         print(f"smartsurf train: --policy {how.policy}: the policy is written as ONNX alone, which needs onnx: pip install onnx; "
               "without it this training leaves no policy", file=sys.stderr, flush=True)
-    log = training.Log(folder, make, how, f"{name}: learned by smartsurf train --method {how.method}.", source)
+    log = training.Log(folder, make, how, f"{name}: learned by smartsurf train --method {how.method}.", sources)
     if log.finished:
         return
     learn(make, how, log)

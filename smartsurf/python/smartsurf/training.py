@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import hashlib
 import importlib.util
 import json
@@ -24,13 +25,24 @@ from ._core import __version__
 from ._files import replaced
 from ._network import NetworkPolicy
 from ._surface import Channel, FloatArray
-from ._task import Task
+from ._task import Task, TaskVectorEnv
 from ._tasks import TASKS, task_file
 from ._vector import Flags, VectorEnv, finite_rewards
-from .policy import LocalPolicy, export_onnx, export_policy, square
+from .policy import LocalPolicy, export_onnx, export_policy, plane_names, square
 
 Vector = NDArray[np.float64]
 Make = Callable[..., VectorEnv]
+
+
+TEST_SEEDS = range(10**6, 2 * 10**6)  # of which training has none
+
+
+def training_seeds(first: int, count: int) -> range:
+    """Seeds for any whole number `first`: those from it on, where these are seeds and none is of a test."""
+    first %= 2**63 - count
+    if first < TEST_SEEDS.stop and first + count > TEST_SEEDS.start:
+        first += 2**62
+    return range(first, first + count)
 
 
 class Generation(NamedTuple):
@@ -54,8 +66,7 @@ def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: f
         source.bit_generator.state = state["random"]
     elite = max(2, candidates // 5)
     for generation in range(start, generations):
-        first = 1 + (seed - 1) * 10**9 + generation * runs
-        seeds = range(first, first + runs)
+        seeds = training_seeds(1 + (seed - 1) * 10**9 + generation * runs, runs)
         vectors = mean + deviations * source.standard_normal((candidates, len(mean)))
         values = scores(vectors, seeds)
         best = np.argsort(values)[-elite:]
@@ -67,10 +78,11 @@ def cem(scores: Callable[[Vector, range], Vector], initial: Vector, deviation: f
         yield Generation(generation, float(values.mean()), float(values[best].mean()), mean)
 
 
-def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
-    """A name for the folder, the function that makes a task's environment, and the task's file; ValueError if there is none of
-    that name."""
+def find_task(name: str) -> tuple[str, Make, list[pathlib.Path]]:
+    """A name for the folder, the function that makes a task's environment, and the task's files; ValueError if there is none of
+    that name. The function raises it for what declares no reward or no length of its episodes."""
     path, _, member = name.partition(":")
+    create: Make
     if path.endswith(".py") and member:
         spec = importlib.util.spec_from_file_location("smartsurf_task", path)
         if spec is None or spec.loader is None or not os.path.isfile(path):
@@ -81,24 +93,31 @@ def find_task(name: str) -> tuple[str, Make, pathlib.Path]:
         found = getattr(module, member, None)
         if not isinstance(found, type) or not issubclass(found, Task):
             raise ValueError(f"task {name}: {path} has no smartsurf.Task {member}")
-        return member, found().make_vec, pathlib.Path(path)
-    if path.endswith(".lua"):
-        script = name
+        short, sources, create = member, [path, found.script], found().make_vec
     else:
-        known = {task.id[len("smartsurf/"):-len("-v0")]: task.id for task in TASKS}
-        short = name.removeprefix("smartsurf/").removesuffix("-v0")
-        if short not in known:
-            raise ValueError(f"task {name}: must be EXPERIMENT.lua, FILE.py:CLASS or one of {', '.join(known)}")
-        name, script = short, task_file(known[short])
+        short, script = pathlib.Path(name).stem, name
+        if not path.endswith(".lua"):
+            known = {task.id[len("smartsurf/"):-len("-v0")]: task.id for task in TASKS}
+            short = name.removeprefix("smartsurf/").removesuffix("-v0")
+            if short not in known:
+                raise ValueError(f"task {name}: must be EXPERIMENT.lua, FILE.py:CLASS or one of {', '.join(known)}")
+            script = task_file(known[short])
+        sources, create = [script], functools.partial(VectorEnv, script)
 
     def make(num_envs: int, **arguments: Any) -> VectorEnv:
-        return VectorEnv(script, num_envs, **arguments)
-    return pathlib.Path(name).stem, make, pathlib.Path(script)
+        envs = create(num_envs, **arguments)
+        task = envs.task if isinstance(envs, TaskVectorEnv) else Task()
+        if not envs._description["has_reward"] and type(task).reward is Task.reward:
+            raise ValueError(f"task {name}: has no reward: declare reward()")
+        if envs._description["episode_seconds"] is None and task.episode_seconds is None:
+            raise ValueError(f"task {name}: its episodes have no length: declare episode {{ seconds = … }}, or a Task's episode_seconds")
+        return envs
+    return short, make, [pathlib.Path(source) for source in sources if source is not None]
 
 
 def input_names(channels: Sequence[Channel]) -> list[str]:
     """The names of a LocalPolicy's inputs for all planes of these channels."""
-    return [name for c in channels for name in ([c.name] if c.components == 1 else [f"{c.name}.{k}" for k in "rgb"[:c.components]])]
+    return [name for c in channels for name in plane_names(c.name, c.components)]
 
 
 def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, FloatArray, Flags], None]) -> tuple[Vector, Flags]:
@@ -116,16 +135,14 @@ def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, Floa
 
 
 class Tester:
-    """Episodes of seeds that no training uses, run by a policy without exploration."""
-    FIRST_SEED = 10**6
+    """Episodes of the TEST_SEEDS, run by a policy without exploration."""
 
-    def __init__(self, make: Make, episodes: int, threads: int):
-        self._envs = make(episodes, threads=threads, copy=False)
+    def __init__(self, make: Make, how: argparse.Namespace):
+        self._envs, self._of_planes = make(how.test, threads=how.threads, copy=False), how.policy == "cnn"
 
     def __call__(self, policy: LocalPolicy | NetworkPolicy) -> tuple[float, float]:
         """Mean return and share of successes."""
         envs, inputs = self._envs, input_names(self._envs.sensor_channels)
-        of_planes = isinstance(policy, NetworkPolicy) and policy.observation_shape == envs._observations.shape[1:]
         if isinstance(policy, LocalPolicy):
             policy.reset()
 
@@ -134,8 +151,8 @@ class Tester:
                 for c, plane in enumerate(policy(dict(zip(inputs, envs._observations.swapaxes(0, 1)))).values()):
                     commands[:, c] = plane
             else:
-                commands[...] = policy(envs._observations if of_planes else observation)
-        total, success = run_episodes(envs, envs.reset(seed=self.FIRST_SEED)[0], command)
+                commands[...] = policy(envs._observations if self._of_planes else observation)
+        total, success = run_episodes(envs, envs.reset(seed=TEST_SEEDS.start)[0], command)
         return float(total.mean()), float(success.mean())
 
     def close(self) -> None:
@@ -148,12 +165,13 @@ class Log:
     FIELDS = ("iteration", "samples", "episodes", "cpu_s", "wall_s", "return", "best_return", "success_rate", "test_return",
               "test_success_rate")
 
-    def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace, title: str, source: pathlib.Path):
-        """source: the task's file."""
+    def __init__(self, folder: pathlib.Path, make: Make, how: argparse.Namespace, title: str, sources: Sequence[pathlib.Path]):
+        """sources: the task's files."""
         self._folder, self._title, self._checkpoint = folder, title, folder / "checkpoint.npz"
         # All that the policy depends on.
-        self._given = {"smartsurf": __version__, "TASK": pathlib.Path(how.task).name,
-                       f"SHA-256 of {source.name}": hashlib.sha256(source.read_bytes()).hexdigest()[:16]}
+        self._given = {"smartsurf": __version__, "TASK": pathlib.Path(how.task).name}
+        for source in sources:
+            self._given[f"SHA-256 of {source.name}"] = hashlib.sha256(source.read_bytes()).hexdigest()[:16]
         for name, value in vars(how).items():
             if name not in ("task", "out", "resume", "threads"):
                 text = ",".join(map(str, value or [0])) if isinstance(value, tuple) else str(value)
@@ -166,7 +184,7 @@ class Log:
         if how.resume:
             print(f"{folder}: has {self.iterations} of {how.iterations} iterations", flush=True)
         folder.mkdir(parents=True, exist_ok=True)
-        self._tester = Tester(make, how.test, how.threads) if how.test and not self.finished else None
+        self._tester = Tester(make, how) if how.test and not self.finished else None
         self._board: Any = None
         self._start, self._cpu = time.monotonic() - kept.get("wall_s", 0.0), time.process_time() - kept.get("cpu_s", 0.0)
 

@@ -22,7 +22,7 @@ try:
 except ImportError as error:
     print(f"skipped: {error}; scripts/setup --python installs it where a package index can be reached")
     sys.exit(77)
-from experiments import ExperimentTest
+from experiments import ENDINGS, ExperimentTest
 
 # A ball is to come to the east.
 PLATE = """
@@ -46,6 +46,16 @@ class East(smartsurf.Task):
     def observation(self, state):
         return np.column_stack([state.position("ball"), state.goals["east"]])
 """ % PLATE
+ENDLESS = """
+import smartsurf
+
+
+class Endless(smartsurf.Task):
+    scene = "surface { rows = 2, columns = 2, actuator = pin {} }"
+
+    def reward(self, state):
+        return 0 * state.time
+"""
 # Fails in some episodes.
 FAILING = PLATE.replace("on_reset(function()", "local bad\non_tick(function(t) if bad and t > 0.1 then error('broken') end end)\n"
                         "on_reset(function() bad = random() < 0.4")
@@ -97,6 +107,28 @@ class Training(ExperimentTest):
         if HAS_ONNX:  # as NumPy, so everywhere
             self.assertEqual(self.hash_of_run(script, self.folder / "one/policy.onnx"),
                              self.hash_of_run(script, self.folder / "one/policy.aps"))
+
+    def test_a_policy_reads_every_component_of_a_channel(self):
+        script = self.script(PLATE.replace("sensors = {", "skin = { kind = 'kinematic' },\n          sensors = { camera { resolution = 2 }, "
+                                           "skin_height { resolution = 2 },"))
+        self.train(script, "--iterations", 1, "--candidates", 2, "--runs", 1, "--memory", 1)
+        self.hash_of_run(script, self.folder / "out/policy.aps")
+        inputs = training.input_names(smartsurf.VectorEnv(script, threads=1).sensor_channels)
+        self.assertEqual(inputs, [*(f"camera[{k}]" for k in range(12)),
+                                  *(f"{name}[{k}]" for name in ("camera_height", "skin_height") for k in range(4)),
+                                  "proximity", "proximity_hit", "colour.r", "colour.g", "colour.b"])
+        weights = np.random.default_rng(5).normal(0, 0.5, smartsurf.LocalPolicy.parameters(len(inputs) + 1, 1))
+        policy = smartsurf.LocalPolicy.from_vector(weights, [*inputs, "colour[2]"], [("height", 0, 3)])
+        smartsurf.export_policy(policy, self.folder / "all.aps")
+        expected = self.hash_of_policy(script, lambda _, sensors: policy(sensors))
+        self.assertEqual(self.hash_of_run(script, self.folder / "all.aps"), expected)
+        if HAS_ONNX:
+            smartsurf.export_onnx(policy, self.folder / "all.onnx")
+            self.assertEqual(self.hash_of_run(script, self.folder / "all.onnx"), expected)
+        sensors = {"camera": np.zeros((12, 2, 2)), "colour": np.zeros((3, 2, 2)), "proximity": np.zeros((2, 2))}
+        for name in ("camera[12]", "camera.r", "colour[3]", "proximity.r", "light"):
+            with self.assertRaisesRegex(KeyError, "there is no sensor"):
+                smartsurf.LocalPolicy([name], [("height", 0, 3)], [(np.zeros((1, 1, 5)), [1])])(sensors)
 
     def network(self, convolutions):
         random, layers, planes = np.random.default_rng(4), [], 5
@@ -160,10 +192,20 @@ class Training(ExperimentTest):
             self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
             self.assertIn(message, result.stderr)
 
+    def test_what_declares_no_reward_or_length_is_one_line(self):
+        for task, message in ((self.script(PLATE.replace("episode {", "-- {"), "endless.lua"), "its episodes have no length: declare"),
+                              (f"{self.script(ENDLESS, 'endless.py')}:Endless", "its episodes have no length: declare"),
+                              (self.script(PLATE.replace("reward(", "local none = ("), "nothing.lua"), "has no reward: declare reward()")):
+            with self.subTest(task=task):
+                result = subprocess.run([os.environ["SMARTSURF"], "train", task], capture_output=True, text=True, cwd=self.folder,
+                                        timeout=100)
+                self.assertEqual((result.returncode, result.stderr.count("\n")), (2, 1), result.stderr)
+                self.assertIn(message, result.stderr)
+
     def test_numbers_out_of_range_are_one_line(self):
         for flag, value, right in (("--seed", "-1", "a whole number, 0 to 9223372036854775807"),
                                    ("--seed", "9223372036854775808", "a whole number, 0 to 9223372036854775807"),
-                                   ("--test", "-1", "a whole number, 0 to 2147483647"), ("--test", "1.5", "a whole number"),
+                                   ("--test", "-1", "a whole number, 0 to 1000000"), ("--test", "1.5", "a whole number"),
                                    ("--memory", "-1", "a whole number, 0 to"), ("--iterations", "0", "a whole number, 1 to"),
                                    ("--hidden", "4,0", "a whole number, 1 to"), ("--together", "1.5", "a number, 0 to 1"),
                                    ("--entropy", "nan", "a finite number, 0 or above"), ("--entropy", "-1", "a finite number, 0 or"),
@@ -174,6 +216,27 @@ class Training(ExperimentTest):
                                         cwd=self.folder)
                 self.assertEqual(result.returncode, 2)
                 self.assertRegex(result.stderr, rf"\Asmartsurf train: {flag}: {value.split(',')[-1]}: must be {right}[^\n]*\n\Z")
+
+    def test_every_seed_trains_on_seeds_of_its_own(self):
+        (self.folder / "plate.lua").write_text(SHORT)
+        policies = set()
+        for seed in (0, 1, 10**10, 2**63 - 1):
+            self.train_here(self.folder / "plate.lua", "--iterations", 1, "--candidates", 2, "--runs", 1, "--hidden", 1, "--seed", seed)
+            policies.add((self.folder / "out/policy.aps").read_text())
+        self.assertEqual(len(policies), 4)
+        self.assertEqual(training.training_seeds(7, 3), range(7, 10))
+        for first in (-10**9, 10**6 - 2, 10**6, 2 * 10**6 - 1, 2**63 - 2, 10**19):
+            seeds = training.training_seeds(first, 3)
+            self.assertEqual(len(seeds), 3)
+            self.assertTrue(0 <= seeds[0] and seeds[-1] < 2**63)
+            self.assertFalse(set(seeds) & set(training.TEST_SEEDS))
+
+    @needs_torch
+    def test_every_seed_trains_by_ppo(self):
+        (self.folder / "plate.lua").write_text(SHORT)
+        for seed in (0, 2**63 - 1):
+            self.train_here(self.folder / "plate.lua", "--method", "ppo", "--iterations", 1, "--worlds", 2, "--horizon", 2, "--hidden", 1,
+                            "--seed", seed)
 
     def test_a_run_replaces_an_older_one(self):
         old = self.folder / "out/events.out.tfevents.1.there.1.0"
@@ -277,6 +340,12 @@ class Training(ExperimentTest):
         script.write_text(PLATE + "\n")
         with self.assertRaisesRegex(ValueError, "out was trained with SHA-256 of experiment.lua "):
             self.train_here(*how, "--resume")
+        task = TASK.replace("scene =", f"script = {str(script)!r}\n    text =")
+        how_in_python = [f"{self.script(task, 'task.py')}:East", *how[1:]]
+        self.train_here(*how_in_python)
+        script.write_text(PLATE)
+        with self.assertRaisesRegex(ValueError, "out was trained with SHA-256 of experiment.lua "):
+            self.train_here(*how_in_python, "--resume")
         (self.folder / "out/checkpoint.npz").write_bytes(b"PK")
         with self.assertRaisesRegex(ValueError, "checkpoint.npz: is no checkpoint of smartsurf train"):
             self.train_here(*how, "--resume")
@@ -302,6 +371,35 @@ class Training(ExperimentTest):
             error = process.communicate(timeout=100)[1]
         self.assertEqual(process.returncode, 2)
         self.assertRegex(error, r"^smartsurf train: out/[a-z.]+: No such file or directory\n$")
+
+    @needs_torch
+    def test_a_cnn_without_sensors_is_refused(self):
+        script = self.script(PLATE.replace("sensors = { proximity { range = 4 }, colour { range = 4 } }", ""))
+        with self.assertRaisesRegex(ValueError, "--policy cnn: the surface has no sensors"):
+            self.train_here(script, "--method", "ppo", "--policy", "cnn", "--worlds", 2, "--horizon", 2, "--iterations", 1)
+
+    @needs_torch
+    def test_an_mlp_sees_the_observation_of_a_task_and_a_cnn_the_planes(self):
+        """Also where both have the same shape; in training and in its tests."""
+        from smartsurf import _ppo
+        task = f"{self.script(TASK.replace('np.column_stack(', 'np.full((len(state.time), 5, 6, 8), 100) + 0 * len('), 'task.py')}:East"
+        learn, call = _ppo.Learner.rollout, smartsurf.NetworkPolicy.__call__
+        for policy in ("mlp", "cnn"):
+            trained, tested = [], []
+
+            def rollout(learner, decisions):
+                trained.append(learner._seen)
+                return learn(learner, decisions)
+
+            def command(network, observation):
+                tested.append(observation.copy())
+                return call(network, observation)
+            with self.subTest(policy=policy), mock.patch.object(_ppo.Learner, "rollout", rollout), \
+                    mock.patch.object(smartsurf.NetworkPolicy, "__call__", command):
+                self.train_here(task, "--method", "ppo", "--policy", policy, "--hidden", 2, "--iterations", 1, "--worlds", 2,
+                                "--horizon", 2, "--test", 1)
+                for seen in (trained, tested):
+                    self.assertEqual({np.all(each == 100) for each in seen}, {policy == "mlp"})
 
     @needs_torch
     def test_failing_worlds_leave_finite_weights(self):
@@ -424,6 +522,32 @@ class Training(ExperimentTest):
         noise = actor.noise(actor.draw(400, torch.Generator().manual_seed(1)), features, torch.Generator()).detach().numpy()
         across = noise[:, :, 10:12, 7:9].mean(axis=(2, 3)) - noise[:, :, 4:6, 7:9].mean(axis=(2, 3))  # of an object of 6 cells
         self.assertGreater(across.std(), noise[:, :, 7:9, 7:9].mean(axis=(2, 3)).std())
+
+    @needs_torch
+    def test_a_decision_belongs_to_one_episode(self):
+        """Returns and samples are those of whole episodes, of any length, and each begins with a decision of its own."""
+        from smartsurf import _ppo
+        for hold in (1, 4, 7, 40):
+            with self.subTest(hold=hold), mock.patch.object(_ppo, "train") as called:
+                self.train_here(self.script(ENDINGS), "--method", "ppo", "--hidden", 2, "--hold", hold, "--worlds", 3, "--threads", 1)
+                learner = _ppo.Learner(*called.call_args.args[:2])
+                learner.warm_up()  # for commands within their range
+                step, running, returns, samples = learner.envs.step, learner._running.copy(), learner.returns.copy(), learner.samples
+                before, over = np.zeros((3, 1, 4, 4)), np.zeros(3, bool)
+
+                def counted(commands):
+                    self.assertTrue((commands != before).any(axis=(1, 2, 3))[over].all())
+                    before[...], stepped = commands, step(commands)
+                    running[...], over[...] = running + stepped[1], stepped[2] | stepped[3]
+                    returns.extend(running[over])
+                    running[over] = 0
+                    return stepped
+                with mock.patch.object(learner.envs, "step", counted):
+                    learner.rollout(120 // hold)
+                np.testing.assert_array_equal(learner.returns, returns)
+                self.assertEqual((learner.episodes, learner.samples - samples), (len(returns), 3 * hold * (120 // hold)))
+                self.assertGreater(len(returns), 9)
+                learner.envs.close()
 
     @needs_torch
     def test_the_value_sees_the_last_reward(self):
