@@ -221,7 +221,7 @@ class Generator {
         say("return PROGRAM_DONE;");
         return;
       case Ending::kEnd:
-        say("s->position = HAS_ENDED;");
+        say("s->position = AFTER_END;");
         say("return PROGRAM_ENDED;");
         return;
       case Ending::kFail:
@@ -423,8 +423,8 @@ class Generator {
     for (const auto& [layout, count] : schedule_.planes)
       text += fmt::format("  {} {}[{}][{}];\n", storage_info(layout.storage).c_type, plane_array(layout),
                           count, plane_cells(layout));
-    if (live_slots_ > 0) text += fmt::format("  program_wide v[{}];\n", live_slots_);
-    if (temporaries_ > 0) text += fmt::format("  program_wide t[{}];\n", temporaries_);
+    if (live_slots_ > 0) text += fmt::format("  program_wide_number v[{}];\n", live_slots_);
+    if (temporaries_ > 0) text += fmt::format("  program_wide_number t[{}];\n", temporaries_);
     if (tile_.uses_random) text += "  uint64_t draws;\n";
     if (has_exchanges())
       text += fmt::format("  uint8_t edges[4][{}], message[{}];\n",
@@ -444,8 +444,9 @@ class Generator {
 
   std::string channel_members() const {
     std::string text;
+    const std::string cells = renamed("PROGRAM_ROWS * PROGRAM_COLUMNS");
     for (const Channel& channel : tile_.channels) {
-      text += fmt::format("  float {}[PROGRAM_ROWS * PROGRAM_COLUMNS]; /* {} */\n", channel_member(channel),
+      text += fmt::format("  float {}[{}]; /* {} */\n", channel_member(channel), cells,
                           comment_text(channel.name));
       if (!channel.is_sensor)
         text += fmt::format("  uint8_t written_{};\n", channel_member(channel).substr(8));
@@ -455,31 +456,46 @@ class Generator {
     return text;
   }
 
+  // Identifiers that begin with program_ or PROGRAM_ begin with the name instead. Whatever the name is, no
+  // other identifier becomes one of them: none ends with an underscore and the rest of one.
   std::string renamed(std::string text) const {
     std::string upper = options_.name;
     std::ranges::transform(upper, upper.begin(),
                            [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
-    replace_all(text, "program_", options_.name + "_");
-    replace_all(text, "PROGRAM_", upper + "_");
+    constexpr std::size_t kLength = std::string_view("program").size();
+    for (std::size_t at = text.find('_'); at != std::string::npos; at = text.find('_', at + 1)) {
+      const std::size_t begin = at - std::min(at, kLength);
+      const std::string word = text.substr(begin, at - begin);
+      if ((word != "program" && word != "PROGRAM") || (begin > 0 && is_word(text[begin - 1]))) continue;
+      text.replace(begin, kLength, word == "program" ? options_.name : upper);
+      at = begin + options_.name.size();
+    }
     return text;
   }
 
-  std::string filled(std::string text) const {
-    replace_all(text, "@HEADER@", header_file_);
-    replace_all(text, "@TILE_COLUMNS@", std::to_string(options_.tile_columns));
-    replace_all(text, "@TILE_ROWS@", std::to_string(options_.tile_rows));
-    replace_all(text, "@COLUMNS@", std::to_string(options_.columns));
-    replace_all(text, "@ROWS@", std::to_string(options_.rows));
-    replace_all(text, "@BUFFER@", std::to_string(std::max<std::size_t>(max_edge_, 1)));
-    return text;
+  // `text` with what stands for each @NAME@.
+  static std::string filled(std::string_view text, const std::map<std::string_view, std::string>& values) {
+    std::string result;
+    for (;;) {
+      const std::size_t begin = text.find('@');
+      result += text.substr(0, begin);
+      if (begin == std::string_view::npos) return result;
+      const std::size_t end = text.find('@', begin + 1);
+      result += values.at(text.substr(begin + 1, end - begin - 1));
+      text.remove_prefix(end + 1);
+    }
   }
 
   std::string header_text() const {
-    std::string text = renamed(filled(std::string(runtime::kHeader)));
-    replace_all(text, "@SOURCE@", comment_text(source_));
-    replace_all(text, "@CHANNELS@\n", renamed(channel_members()));
-    replace_all(text, "@STATE@\n", renamed(state_members()));
-    return text;
+    return filled(renamed(std::string(runtime::kHeader)),
+                  {{"SOURCE", comment_text(source_)},
+                   {"TILE_COLUMNS", std::to_string(options_.tile_columns)},
+                   {"TILE_ROWS", std::to_string(options_.tile_rows)},
+                   {"COLUMNS", std::to_string(options_.columns)},
+                   {"ROWS", std::to_string(options_.rows)},
+                   {"BUFFER", std::to_string(std::max<std::size_t>(max_edge_, 1))},
+                   {"CHANNELS", channel_members()},
+                   {"STATE", renamed(state_members())}});
   }
 
   std::string body_text() const {
@@ -520,11 +536,10 @@ class Generator {
   }
 
   std::string source_text(const Report&) {
-    std::string text = filled(std::string(runtime::kSource));
+    std::string text(runtime::kSource);
     text += fmt::format(
-        "enum {{ TABLE_COLUMNS = {}, TABLE_ROWS = {}, MARGIN = {}, PITCH = PROGRAM_COLUMNS + 2 * MARGIN, "
-        "HAS_ENDED "
-        "= 65535 }};\n",
+        "enum {{ COLUMNS_OF_TABLE = {}, ROWS_OF_TABLE = {}, MARGIN = {}, "
+        "PITCH = PROGRAM_COLUMNS + 2 * MARGIN, AFTER_END = 65535, ALL_SIDES = 15, ROW_ENDS = 3 }};\n",
         options_.columns, options_.rows, margin_width());
     for (const auto& [layout, count] : schedule_.planes)
       text += fmt::format("#define {}(i) (s->{}[i]{})\n", plane_macro(layout), plane_array(layout),
@@ -551,7 +566,8 @@ class Generator {
     if (uses_random_integers()) text += runtime::kRandomInteger;
     std::string exchange(runtime::kExchange);
     const std::size_t edge = exchange.find("/* ---- the table's edge");
-    std::string impose = exchange.substr(edge), loads, stores, impositions;
+    std::string loads, stores, impositions;
+    const std::string impose = exchange.substr(edge);
     exchange.resize(edge);
     // A program without planes of one storage has no array of it.
     for (const Storage storage : kStorages) {
@@ -572,22 +588,16 @@ class Generator {
       replace_all(exchange, "@STORES@\n", stores);
       text += exchange;
     }
-    if (!impositions.empty()) {
-      text += "enum { WEST_AND_EAST_OUTER = 3 };\n";
-      replace_all(impose, "WEST_AND_EAST", "WEST_AND_EAST_OUTER");
-      text += impose + impositions;
-    }
+    if (!impositions.empty()) text += impose + impositions;
     text += "\n/* ---- kernels ---- */\n\n" + writer_.functions();
     std::string run(runtime::kRun);
     if (!has_exchanges())
       replace_all(run, "    if (s->phase != 0 && !exchange(s)) return PROGRAM_EDGES;\n", "");
     replace_all(run, "@START@\n", start_text());
     replace_all(run, "@BODY@\n", body_text());
-    replace_all(run, "@ERRORS@\n", error_text());
     text += run;
-    text = renamed(std::move(text));
-    replace_all(text, "@SOURCE@", comment_text(source_));
-    return text;
+    return filled(renamed(std::move(text)),
+                  {{"SOURCE", comment_text(source_)}, {"HEADER", header_file_}, {"ERRORS", error_text()}});
   }
 
   static constexpr std::array<const char*, 3> kClockNames{"tick", "time_s", "period_s"};

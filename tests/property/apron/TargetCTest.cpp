@@ -667,6 +667,65 @@ TEST(TargetC, SaysWhatAnIntegerCannotHold) {
                 "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
 }
 
+// A program whose C has all parts: edges, mathematics, integers, random numbers and scalars of run time.
+program::Program program_of_all_parts() {
+  TestProgram build;
+  const Operand a = build.reg(8, 8), b = build.reg(8, 8), i = build.reg(8, 8), j = build.reg(8, 8),
+                n = build.var();
+  for (const Operand& whole : {i, j}) build.program.registers[whole.index].type = program::CellType::kInt32;
+  const std::size_t top = build.next_index();
+  build.add(Opcode::kSurfaceTime, n);
+  build.add(Opcode::kSurfaceSense, a, build.text("program_y"));
+  build.add(Opcode::kNearSum, b, a, build.lit(8));
+  build.add(Opcode::kSin, a, b);
+  build.add(Opcode::kRandomInt, i, build.lit(0), n);
+  build.add(Opcode::kNearMax, j, i, build.lit(4));
+  build.add(Opcode::kMul, a, a, n);
+  build.add(Opcode::kCheckRepeat, {}, n);
+  build.add(Opcode::kSurfaceActuate, {}, build.text("program_y"), a);
+  build.add(Opcode::kSurfaceActuate, {}, build.text("i"), j);
+  build.add(Opcode::kSurfaceStep);
+  build.add(Opcode::kJump, {}, TestProgram::label(top));
+  program::Program program = build.finish();
+  EXPECT_EQ(program::verify(program), "");
+  program.files = {"program_PROGRAM_.aps"};
+  return program;
+}
+
+std::set<std::string> identifiers(std::string text) {
+  for (std::size_t at = text.find("/*"); at != std::string::npos; at = text.find("/*", at))
+    text.erase(at, text.find("*/", at) + 2 - at);
+  static const std::regex kIdentifier("[A-Za-z_]\\w*");
+  return {std::sregex_token_iterator(text.begin(), text.end(), kIdentifier), {}};
+}
+
+TEST(TargetC, AnyNameMakesCThatCompiles) {
+  target_c::Options options;
+  options.columns = options.rows = 8;
+  options.tile_columns = options.tile_rows = 4;
+  const program::Program program = program_of_all_parts();
+  const target_c::Generated plain = target_c::generate(program, options, "program.h");
+  // No identifier becomes a public one when the prefix of those changes.
+  const std::set<std::string> all = identifiers(plain.source + plain.header);
+  for (const std::string& name : all) {
+    if (!name.starts_with("program_") && !name.starts_with("PROGRAM_")) continue;
+    for (const std::string& other : all) {
+      if (other.ends_with(name.substr(7)) && other.find("program_") != 0 && other.find("PROGRAM_") != 0)
+        ADD_FAILURE() << other << " is " << name << " of another prefix";
+    }
+  }
+  Library library;
+  for (const char* const name : {"int", "exit", "table", "west_and", "_8x8", "PROGRAM_x"}) {
+    options.name = name;
+    const target_c::Generated made = target_c::generate(program, options, options.name + ".h");
+    EXPECT_NE(made.header.find(" sense_program_y["), std::string::npos) << name;
+    EXPECT_NE(made.header.find("/* program_y */"), std::string::npos) << name;
+    EXPECT_NE(made.source.find("return \"program_PROGRAM_.aps:8: error: "), std::string::npos) << name;
+    library.add(options, made);
+  }
+  EXPECT_TRUE(library.build());
+}
+
 // ---- the programs of the tasks ----
 
 program::Program compile_script(const std::string& file, Size size) {

@@ -115,6 +115,22 @@ class Compiling(ProgramTest):
                       ["--rate", "60"], ["--name", "1x"], ["--set", "speed=1"], ["--target", "rust"]):
             self.assertIn("error: ", self.refused("!register(A)\nA = north(A)\nsurface.actuate('height', A)\n", *flags), flags)
 
+    def test_file_names_that_c_cannot_include(self):
+        file = self.write("a.aps", "!register(A)\nsurface.actuate('height', A)\n")
+        for name in ('a"b.c', "a\\b.c", "a\nb.c", "a??!.c"):
+            status, out, err = self.run_program(APRON, "compile", file, "--target", "c", "-o", str(self.folder / name))
+            self.assertEqual((status, out), (2, ""), name)
+            self.assertRegex(err, r"\Aapron: error: -o: .*: C cannot include its header.*\n\Z")
+
+    @unittest.skipUnless(shutil.which("cc"), "no C compiler")
+    def test_other_file_names_make_c_that_compiles(self):
+        file = self.write("a.aps", "!register(A)\nA = north(A)\nsurface.actuate('height', A)\n")
+        for name in ("table.c", "int.c", "8x8.c", "program_x.c", "a b'c.c", "@ROWS@.c", "ü.c"):
+            status, _, err = self.run_program(APRON, "compile", file, "--target", "c", "--tile", "8x8", "-o", str(self.folder / name))
+            self.assertEqual(status, 0, err)
+            status, _, err = self.run_program("cc", "-std=c99", "-c", name, "-o", "a.o")
+            self.assertEqual(status, 0, err)
+
     def test_print_is_left_out_with_a_warning(self):
         file = self.write("a.aps", "!register(A)\nprintln(1)\nsurface.actuate('height', A)\n")
         status, _, err = self.run_program(APRON, "compile", file, "--target", "c", "-o", str(self.folder / "a.c"))
