@@ -8,6 +8,7 @@
 #include "apron/target_c/KernelWriter.h"
 #include "apron/target_c/RuntimeText.h"
 #include "apron/target_c/Schedule.h"
+#include "apron/target_c/TickPaths.h"
 #include "common/error/UserError.h"
 
 namespace apron::target_c {
@@ -15,8 +16,8 @@ namespace {
 
 using program::Opcode;
 
-constexpr std::size_t kFrameBytes = 14;  // around an edge: packet header, tick, round, checksum
-constexpr double kBitsPerByte = 10.0;    // of a serial line, with start and stop bit
+constexpr double kFrameBytes = 14.0;   // around an edge: packet header, tick, round, checksum
+constexpr double kBitsPerByte = 10.0;  // of a serial line, with start and stop bit
 constexpr std::size_t kMaxPositions = 65000;
 
 // The functions of mathematics.def with a prefix, as C.
@@ -40,6 +41,7 @@ class Generator {
         source_(program.files.empty() ? options.name : program.files.front()),
         tile_(trace(program, options)),
         schedule_(schedule(tile_, options.halo)),
+        paths_(tile_, schedule_),
         writer_(tile_),
         is_whole_(options.tile_columns == options.columns && options.tile_rows == options.rows) {}
 
@@ -50,7 +52,6 @@ class Generator {
     write_regions();
     Generated generated;
     measure(generated.report);
-    check_link(generated.report);
     generated.source = source_text(generated.report);
     generated.header = header_text();
     generated.warnings = tile_.warnings;
@@ -251,7 +252,8 @@ class Generator {
     return cells;
   }
 
-  std::size_t side_bytes(const Step& step) const {
+  // What a side receives at most: the longest of each set of messages that travel at once.
+  std::vector<std::size_t> message_bytes(const Step& step) const {
     std::array<std::size_t, 4> bytes{};
     for (const Strip& strip : step.exchange.strips) {
       const Layout& layout = step.places.at(strip.value).layout;
@@ -264,7 +266,8 @@ class Generator {
     if (most > 65535)
       throw common::UserError(fmt::format(
           "{}: error: an edge has {} bytes, of at most 65535: lower --halo or --tile", source_, most));
-    return most;
+    if (!step.exchange.has_corners) return {most};
+    return {std::max(bytes[0], bytes[1]), std::max(bytes[2], bytes[3])};
   }
 
   std::size_t add_plan(std::size_t region, const Step& step) {
@@ -276,7 +279,7 @@ class Generator {
                                  fmt::join(strip.reach.corners, ", "));
     }
     plan.corners = step.exchange.has_corners;
-    plan.side_bytes = side_bytes(step);
+    plan.side_bytes = std::ranges::max(message_bytes(step));
     // Start regions run once, so they need no slot.
     plan.keeps = !tile_.regions[region].is_start;
     if (plan.keeps) {
@@ -301,86 +304,39 @@ class Generator {
 
   // ---- cost ----
 
-  struct Cost {
-    std::size_t rounds = 0, waits = 0, bytes = 0, packets = 0;
-    Cost& operator+=(const Cost& other) {
-      rounds += other.rounds;
-      waits += other.waits;
-      bytes += other.bytes;
-      packets += other.packets;
-      return *this;
-    }
-  };
-
-  Cost region_cost(std::size_t index) const {
-    Cost cost;
-    for (const Step& step : schedule_.regions[index].steps) {
-      if (step.kind != Step::Kind::kExchange) continue;
-      ++cost.rounds;
-      cost.waits += step.exchange.has_corners ? 2 : 1;
-      cost.packets += 1;
-      cost.bytes += side_bytes(step);
-    }
-    return cost;
-  }
-
-  // The dearest way from a region to the end of its tick.
-  Cost tick_cost(std::size_t index, std::vector<int>& mark, std::vector<Cost>& known, bool& loops) const {
-    if (mark[index] == 2) return known[index];
-    if (mark[index] == 1) {
-      loops = true;
-      return {};
-    }
-    mark[index] = 1;
-    const Region& region = tile_.regions[index];
-    Cost dearest;
-    if (region.ending == Ending::kJump || region.ending == Ending::kBranch)
-      for (std::size_t k = 0; k < region.successor_count(); ++k) {
-        const Cost next = tick_cost(region.next[k], mark, known, loops);
-        if (next.bytes + next.rounds > dearest.bytes + dearest.rounds) dearest = next;
-      }
-    dearest += region_cost(index);
-    mark[index] = 2;
-    return known[index] = dearest;
-  }
-
   void measure(Report& report) {
-    std::vector<int> mark(tile_.regions.size(), 0);
-    std::vector<Cost> known(tile_.regions.size());
-    Cost most;
-    bool has_ticks = false;
-    for (const Region& region : tile_.regions) has_ticks |= region.ending == Ending::kStep;
-    for (std::size_t i = 0; i < tile_.regions.size(); ++i) {
-      const bool begins_tick =
-          has_ticks ? std::ranges::any_of(tile_.regions,
-                                          [&](const Region& from) {
-                                            return from.ending == Ending::kStep && from.next[0] == i;
-                                          })
-                    : i == 0;
-      if (!begins_tick || is_whole_) continue;
-      const Cost cost = tick_cost(i, mark, known, report.has_open_loops);
-      if (cost.bytes + cost.rounds > most.bytes + most.rounds) most = cost;
-    }
-    report.rounds = most.rounds;
-    report.waits = most.waits;
-    report.edge_bytes = most.bytes;
-    report.edge_packets = most.packets;
+    const std::size_t count = tile_.regions.size();
+    std::vector<double> rounds(count), waits(count), bytes(count);
+    for (std::size_t i = 0; i < count && !is_whole_; ++i)
+      for (const Step& step : schedule_.regions[i].steps) {
+        if (step.kind != Step::Kind::kExchange) continue;
+        const std::vector<std::size_t> messages = message_bytes(step);
+        rounds[i] += 1.0;
+        waits[i] += static_cast<double>(messages.size());
+        for (const std::size_t message : messages) bytes[i] += static_cast<double>(message);
+      }
+    report.rounds = static_cast<std::size_t>(paths_.most(rounds));
+    report.waits = static_cast<std::size_t>(paths_.most(waits));
+    report.edge_bytes = static_cast<std::size_t>(paths_.most(bytes));
+    report.has_open_loops = paths_.is_open(rounds);
+    std::vector<double> seconds(count);
+    for (std::size_t i = 0; i < count && options_.link_baud > 0.0; ++i)
+      seconds[i] = (bytes[i] + kFrameBytes * waits[i]) * kBitsPerByte / options_.link_baud +
+                   waits[i] * options_.turnaround_s;
+    check_link(report, paths_.most(seconds));
     report.plane_bytes = 0;
-    for (const auto& [layout, count] : schedule_.planes)
-      report.plane_bytes += count * plane_cells(layout) * storage_info(layout.storage).bytes;
+    for (const auto& [layout, planes] : schedule_.planes)
+      report.plane_bytes += planes * plane_cells(layout) * storage_info(layout.storage).bytes;
     report.strip_bytes = plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_;
     report.scalar_bytes = 8 * (live_slots_ + temporaries_) + (tile_.uses_random ? 8 : 0);
     report.channel_bytes = tile_.channels.size() * 4 * options_.tile_columns * options_.tile_rows;
-    report.regions = tile_.regions.size();
+    report.regions = count;
     report.kernels = writer_.function_count();
     report.needs_double = !all_mathematics().empty();
   }
 
-  void check_link(const Report& report) const {
-    if (options_.link_baud <= 0.0 || is_whole_) return;
-    const double bytes = static_cast<double>(report.edge_bytes + kFrameBytes * report.waits);
-    const double seconds =
-        bytes * kBitsPerByte / options_.link_baud + static_cast<double>(report.waits) * options_.turnaround_s;
+  void check_link(const Report& report, double seconds) const {
+    if (options_.link_baud <= 0.0) return;
     if (report.has_open_loops)
       throw common::UserError(
           fmt::format("{}: error: --link: a loop of the program exchanges edges as often as only run time "
@@ -389,11 +345,10 @@ class Generator {
     if (seconds * options_.rate_hz <= 1.0) return;
     throw common::UserError(fmt::format(
         "{}: error: the edges of a tick take {:.3g} ms over a link of {:g} baud ({} rounds, {} waits of {:g} "
-        "us, {} bytes "
-        "a side, {:.0f} framed), and a tick at {:g} Hz has {:.3g} ms: a faster --link, another --halo or a "
-        "lower --rate",
+        "us and {} bytes in sequence, at most), and a tick at {:g} Hz has {:.3g} ms: a faster --link, "
+        "another --halo or a lower --rate",
         source_, 1e3 * seconds, options_.link_baud, report.rounds, report.waits, 1e6 * options_.turnaround_s,
-        report.edge_bytes, bytes, options_.rate_hz, 1e3 / options_.rate_hz));
+        report.edge_bytes, options_.rate_hz, 1e3 / options_.rate_hz));
   }
 
   // ---- text ----
@@ -606,6 +561,7 @@ class Generator {
   const std::string header_file_, source_;
   TileProgram tile_;
   Schedule schedule_;
+  const TickPaths paths_;
   KernelWriter writer_;
   const bool is_whole_;  // one tile: nothing is exchanged
   std::vector<int> slot_;
