@@ -20,6 +20,14 @@ constexpr double kFrameBytes = 14.0;   // around an edge: packet header, tick, r
 constexpr double kBitsPerByte = 10.0;  // of a serial line, with start and stop bit
 constexpr std::size_t kMaxPositions = 65000;
 
+constexpr const char* kCountPass = R"(  s->slot = edge_plans[plan].slot;
+  if (edge_plans[plan].passes > 1) {
+    uint16_t *pass = &s->passes[edge_plans[plan].counter];
+    s->slot += (uint32_t)*pass * edge_plans[plan].bytes;
+    if (*pass + 1 < edge_plans[plan].passes) ++*pass;
+  }
+)";
+
 // The functions of mathematics.def with a prefix, as C.
 std::string mathematics_text() {
   std::string text(runtime::kMathematics);
@@ -235,7 +243,7 @@ class Generator {
 
   struct Plan {
     std::string strips;
-    std::size_t count = 0, slot = 0, side_bytes = 0;
+    std::size_t count = 0, slot = 0, side_bytes = 0, passes = 1, counter = 0;
     bool corners = false, keeps = false;
   };
 
@@ -270,6 +278,14 @@ class Generator {
     return {std::max(bytes[0], bytes[1]), std::max(bytes[2], bytes[3])};
   }
 
+  // The most passes of a region in a tick; 1 if only run time tells.
+  std::size_t passes(std::size_t region) const {
+    std::vector<double> visits(tile_.regions.size());
+    visits[region] = 1.0;
+    return paths_.is_open(visits) ? 1
+                                  : std::max(std::size_t{1}, static_cast<std::size_t>(paths_.most(visits)));
+  }
+
   std::size_t add_plan(std::size_t region, const Step& step) {
     Plan plan;
     for (const Strip& strip : step.exchange.strips) {
@@ -283,8 +299,10 @@ class Generator {
     // Start regions run once, so they need no slot.
     plan.keeps = !tile_.regions[region].is_start;
     if (plan.keeps) {
+      plan.passes = passes(region);
+      if (plan.passes > 1) plan.counter = counted_plans_++;
       plan.slot = slot_bytes_;
-      slot_bytes_ += plan.side_bytes;
+      slot_bytes_ += plan.passes * plan.side_bytes;
     }
     max_edge_ = std::max(max_edge_, plan.side_bytes);
     plans_.push_back(plan);
@@ -297,8 +315,11 @@ class Generator {
       text += fmt::format("static const edge_strip strips_{}[] = {{{}}};\n", i, plans_[i].strips);
     text += "static const edge_plan edge_plans[] = {\n";
     for (std::size_t i = 0; i < plans_.size(); ++i)
-      text += fmt::format("    {{strips_{}, {}, {}, {}, {}}},\n", i, plans_[i].count,
-                          plans_[i].corners ? 1 : 0, plans_[i].keeps ? 1 : 0, plans_[i].slot);
+      text += fmt::format("    {{strips_{}, {}, {}, {}, {}{}}},\n", i, plans_[i].count,
+                          plans_[i].corners ? 1 : 0, plans_[i].keeps ? 1 : 0, plans_[i].slot,
+                          counted_plans_ == 0 ? ""
+                                              : fmt::format(", {}, {}, {}", plans_[i].side_bytes,
+                                                            plans_[i].passes, plans_[i].counter));
     return text + "};\n";
   }
 
@@ -327,7 +348,8 @@ class Generator {
     report.plane_bytes = 0;
     for (const auto& [layout, planes] : schedule_.planes)
       report.plane_bytes += planes * plane_cells(layout) * storage_info(layout.storage).bytes;
-    report.strip_bytes = plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_;
+    report.strip_bytes =
+        plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_ + 2 * counted_plans_;
     report.scalar_bytes = 8 * (live_slots_ + temporaries_) + (tile_.uses_random ? 8 : 0);
     report.channel_bytes = tile_.channels.size() * 4 * options_.tile_columns * options_.tile_rows;
     report.regions = count;
@@ -385,6 +407,7 @@ class Generator {
       text += fmt::format("  uint8_t edges[4][{}], message[{}];\n",
                           std::max({slot_bytes_, max_edge_, std::size_t{1}}),
                           std::max<std::size_t>(max_edge_, 1));
+    if (counted_plans_ > 0) text += fmt::format("  uint32_t slot;\n  uint16_t passes[{}];\n", counted_plans_);
     return text;
   }
   static std::string plane_array(const Layout& layout) {
@@ -539,6 +562,11 @@ class Generator {
     }
     if (has_exchanges()) {
       replace_all(exchange, "@PLANS@\n", plans_text());
+      const bool counts = counted_plans_ > 0;
+      replace_all(exchange, "@PASS_MEMBERS@\n",
+                  counts ? "  uint16_t bytes, passes, counter; /* each pass of a tick has its own */\n" : "");
+      replace_all(exchange, "@SLOT@", counts ? "s->slot" : "plan->slot");
+      replace_all(exchange, "@COUNT@\n", counts ? kCountPass : "");
       replace_all(exchange, "@LOADS@\n", loads);
       replace_all(exchange, "@STORES@\n", stores);
       text += exchange;
@@ -548,6 +576,10 @@ class Generator {
     std::string run(runtime::kRun);
     if (!has_exchanges())
       replace_all(run, "    if (s->phase != 0 && !exchange(s)) return PROGRAM_EDGES;\n", "");
+    std::string first_pass;
+    if (counted_plans_ > 0)
+      first_pass = fmt::format("    for (int i = 0; i < {}; ++i) s->passes[i] = 0;\n", counted_plans_);
+    replace_all(run, "@FIRST_PASS@\n", first_pass);
     replace_all(run, "@START@\n", start_text());
     replace_all(run, "@BODY@\n", body_text());
     text += run;
@@ -572,7 +604,7 @@ class Generator {
   std::vector<std::size_t> first_position_;
   std::vector<Line> lines_;
   std::vector<Plan> plans_;
-  std::size_t slot_bytes_ = 0, max_edge_ = 0;
+  std::size_t slot_bytes_ = 0, max_edge_ = 0, counted_plans_ = 0;
 };
 
 }  // namespace
