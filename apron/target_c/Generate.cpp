@@ -8,6 +8,7 @@
 #include "apron/target_c/KernelWriter.h"
 #include "apron/target_c/RuntimeText.h"
 #include "apron/target_c/Schedule.h"
+#include "apron/target_c/TickPaths.h"
 #include "common/error/UserError.h"
 
 namespace apron::target_c {
@@ -15,9 +16,17 @@ namespace {
 
 using program::Opcode;
 
-constexpr std::size_t kFrameBytes = 14;  // around an edge: packet header, tick, round, checksum
-constexpr double kBitsPerByte = 10.0;    // of a serial line, with start and stop bit
+constexpr double kFrameBytes = 14.0;   // around an edge: packet header, tick, round, checksum
+constexpr double kBitsPerByte = 10.0;  // of a serial line, with start and stop bit
 constexpr std::size_t kMaxPositions = 65000;
+
+constexpr const char* kCountPass = R"(  s->slot = edge_plans[plan].slot;
+  if (edge_plans[plan].passes > 1) {
+    uint16_t *pass = &s->passes[edge_plans[plan].counter];
+    s->slot += (uint32_t)*pass * edge_plans[plan].bytes;
+    if (*pass + 1 < edge_plans[plan].passes) ++*pass;
+  }
+)";
 
 // The functions of mathematics.def with a prefix, as C.
 std::string mathematics_text() {
@@ -40,6 +49,7 @@ class Generator {
         source_(program.files.empty() ? options.name : program.files.front()),
         tile_(trace(program, options)),
         schedule_(schedule(tile_, options.halo)),
+        paths_(tile_, schedule_),
         writer_(tile_),
         is_whole_(options.tile_columns == options.columns && options.tile_rows == options.rows) {}
 
@@ -50,7 +60,6 @@ class Generator {
     write_regions();
     Generated generated;
     measure(generated.report);
-    check_link(generated.report);
     generated.source = source_text(generated.report);
     generated.header = header_text();
     generated.warnings = tile_.warnings;
@@ -221,7 +230,7 @@ class Generator {
         say("return PROGRAM_DONE;");
         return;
       case Ending::kEnd:
-        say("s->position = HAS_ENDED;");
+        say("s->position = AFTER_END;");
         say("return PROGRAM_ENDED;");
         return;
       case Ending::kFail:
@@ -234,7 +243,7 @@ class Generator {
 
   struct Plan {
     std::string strips;
-    std::size_t count = 0, slot = 0, side_bytes = 0;
+    std::size_t count = 0, slot = 0, side_bytes = 0, passes = 1, counter = 0;
     bool corners = false, keeps = false;
   };
 
@@ -251,7 +260,8 @@ class Generator {
     return cells;
   }
 
-  std::size_t side_bytes(const Step& step) const {
+  // What a side receives at most: the longest of each set of messages that travel at once.
+  std::vector<std::size_t> message_bytes(const Step& step) const {
     std::array<std::size_t, 4> bytes{};
     for (const Strip& strip : step.exchange.strips) {
       const Layout& layout = step.places.at(strip.value).layout;
@@ -264,7 +274,16 @@ class Generator {
     if (most > 65535)
       throw common::UserError(fmt::format(
           "{}: error: an edge has {} bytes, of at most 65535: lower --halo or --tile", source_, most));
-    return most;
+    if (!step.exchange.has_corners) return {most};
+    return {std::max(bytes[0], bytes[1]), std::max(bytes[2], bytes[3])};
+  }
+
+  // The most passes of a region in a tick; 1 if only run time tells.
+  std::size_t passes(std::size_t region) const {
+    std::vector<double> visits(tile_.regions.size());
+    visits[region] = 1.0;
+    return paths_.is_open(visits) ? 1
+                                  : std::max(std::size_t{1}, static_cast<std::size_t>(paths_.most(visits)));
   }
 
   std::size_t add_plan(std::size_t region, const Step& step) {
@@ -276,12 +295,14 @@ class Generator {
                                  fmt::join(strip.reach.corners, ", "));
     }
     plan.corners = step.exchange.has_corners;
-    plan.side_bytes = side_bytes(step);
+    plan.side_bytes = std::ranges::max(message_bytes(step));
     // Start regions run once, so they need no slot.
     plan.keeps = !tile_.regions[region].is_start;
     if (plan.keeps) {
+      plan.passes = passes(region);
+      if (plan.passes > 1) plan.counter = counted_plans_++;
       plan.slot = slot_bytes_;
-      slot_bytes_ += plan.side_bytes;
+      slot_bytes_ += plan.passes * plan.side_bytes;
     }
     max_edge_ = std::max(max_edge_, plan.side_bytes);
     plans_.push_back(plan);
@@ -294,93 +315,50 @@ class Generator {
       text += fmt::format("static const edge_strip strips_{}[] = {{{}}};\n", i, plans_[i].strips);
     text += "static const edge_plan edge_plans[] = {\n";
     for (std::size_t i = 0; i < plans_.size(); ++i)
-      text += fmt::format("    {{strips_{}, {}, {}, {}, {}}},\n", i, plans_[i].count,
-                          plans_[i].corners ? 1 : 0, plans_[i].keeps ? 1 : 0, plans_[i].slot);
+      text += fmt::format("    {{strips_{}, {}, {}, {}, {}{}}},\n", i, plans_[i].count,
+                          plans_[i].corners ? 1 : 0, plans_[i].keeps ? 1 : 0, plans_[i].slot,
+                          counted_plans_ == 0 ? ""
+                                              : fmt::format(", {}, {}, {}", plans_[i].side_bytes,
+                                                            plans_[i].passes, plans_[i].counter));
     return text + "};\n";
   }
 
   // ---- cost ----
 
-  struct Cost {
-    std::size_t rounds = 0, waits = 0, bytes = 0, packets = 0;
-    Cost& operator+=(const Cost& other) {
-      rounds += other.rounds;
-      waits += other.waits;
-      bytes += other.bytes;
-      packets += other.packets;
-      return *this;
-    }
-  };
-
-  Cost region_cost(std::size_t index) const {
-    Cost cost;
-    for (const Step& step : schedule_.regions[index].steps) {
-      if (step.kind != Step::Kind::kExchange) continue;
-      ++cost.rounds;
-      cost.waits += step.exchange.has_corners ? 2 : 1;
-      cost.packets += 1;
-      cost.bytes += side_bytes(step);
-    }
-    return cost;
-  }
-
-  // The dearest way from a region to the end of its tick.
-  Cost tick_cost(std::size_t index, std::vector<int>& mark, std::vector<Cost>& known, bool& loops) const {
-    if (mark[index] == 2) return known[index];
-    if (mark[index] == 1) {
-      loops = true;
-      return {};
-    }
-    mark[index] = 1;
-    const Region& region = tile_.regions[index];
-    Cost dearest;
-    if (region.ending == Ending::kJump || region.ending == Ending::kBranch)
-      for (std::size_t k = 0; k < region.successor_count(); ++k) {
-        const Cost next = tick_cost(region.next[k], mark, known, loops);
-        if (next.bytes + next.rounds > dearest.bytes + dearest.rounds) dearest = next;
-      }
-    dearest += region_cost(index);
-    mark[index] = 2;
-    return known[index] = dearest;
-  }
-
   void measure(Report& report) {
-    std::vector<int> mark(tile_.regions.size(), 0);
-    std::vector<Cost> known(tile_.regions.size());
-    Cost most;
-    bool has_ticks = false;
-    for (const Region& region : tile_.regions) has_ticks |= region.ending == Ending::kStep;
-    for (std::size_t i = 0; i < tile_.regions.size(); ++i) {
-      const bool begins_tick =
-          has_ticks ? std::ranges::any_of(tile_.regions,
-                                          [&](const Region& from) {
-                                            return from.ending == Ending::kStep && from.next[0] == i;
-                                          })
-                    : i == 0;
-      if (!begins_tick || is_whole_) continue;
-      const Cost cost = tick_cost(i, mark, known, report.has_open_loops);
-      if (cost.bytes + cost.rounds > most.bytes + most.rounds) most = cost;
-    }
-    report.rounds = most.rounds;
-    report.waits = most.waits;
-    report.edge_bytes = most.bytes;
-    report.edge_packets = most.packets;
+    const std::size_t count = tile_.regions.size();
+    std::vector<double> rounds(count), waits(count), bytes(count);
+    for (std::size_t i = 0; i < count && !is_whole_; ++i)
+      for (const Step& step : schedule_.regions[i].steps) {
+        if (step.kind != Step::Kind::kExchange) continue;
+        const std::vector<std::size_t> messages = message_bytes(step);
+        rounds[i] += 1.0;
+        waits[i] += static_cast<double>(messages.size());
+        for (const std::size_t message : messages) bytes[i] += static_cast<double>(message);
+      }
+    report.rounds = static_cast<std::size_t>(paths_.most(rounds));
+    report.waits = static_cast<std::size_t>(paths_.most(waits));
+    report.edge_bytes = static_cast<std::size_t>(paths_.most(bytes));
+    report.has_open_loops = paths_.is_open(rounds);
+    std::vector<double> seconds(count);
+    for (std::size_t i = 0; i < count && options_.link_baud > 0.0; ++i)
+      seconds[i] = (bytes[i] + kFrameBytes * waits[i]) * kBitsPerByte / options_.link_baud +
+                   waits[i] * options_.turnaround_s;
+    check_link(report, paths_.most(seconds));
     report.plane_bytes = 0;
-    for (const auto& [layout, count] : schedule_.planes)
-      report.plane_bytes += count * plane_cells(layout) * storage_info(layout.storage).bytes;
-    report.strip_bytes = plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_;
+    for (const auto& [layout, planes] : schedule_.planes)
+      report.plane_bytes += planes * plane_cells(layout) * storage_info(layout.storage).bytes;
+    report.strip_bytes =
+        plans_.empty() ? 0 : 4 * std::max(slot_bytes_, max_edge_) + max_edge_ + 2 * counted_plans_;
     report.scalar_bytes = 8 * (live_slots_ + temporaries_) + (tile_.uses_random ? 8 : 0);
     report.channel_bytes = tile_.channels.size() * 4 * options_.tile_columns * options_.tile_rows;
-    report.regions = tile_.regions.size();
+    report.regions = count;
     report.kernels = writer_.function_count();
     report.needs_double = !all_mathematics().empty();
   }
 
-  void check_link(const Report& report) const {
-    if (options_.link_baud <= 0.0 || is_whole_) return;
-    const double bytes = static_cast<double>(report.edge_bytes + kFrameBytes * report.waits);
-    const double seconds =
-        bytes * kBitsPerByte / options_.link_baud + static_cast<double>(report.waits) * options_.turnaround_s;
+  void check_link(const Report& report, double seconds) const {
+    if (options_.link_baud <= 0.0) return;
     if (report.has_open_loops)
       throw common::UserError(
           fmt::format("{}: error: --link: a loop of the program exchanges edges as often as only run time "
@@ -389,11 +367,10 @@ class Generator {
     if (seconds * options_.rate_hz <= 1.0) return;
     throw common::UserError(fmt::format(
         "{}: error: the edges of a tick take {:.3g} ms over a link of {:g} baud ({} rounds, {} waits of {:g} "
-        "us, {} bytes "
-        "a side, {:.0f} framed), and a tick at {:g} Hz has {:.3g} ms: a faster --link, another --halo or a "
-        "lower --rate",
+        "us and {} bytes in sequence, at most), and a tick at {:g} Hz has {:.3g} ms: a faster --link, "
+        "another --halo or a lower --rate",
         source_, 1e3 * seconds, options_.link_baud, report.rounds, report.waits, 1e6 * options_.turnaround_s,
-        report.edge_bytes, bytes, options_.rate_hz, 1e3 / options_.rate_hz));
+        report.edge_bytes, options_.rate_hz, 1e3 / options_.rate_hz));
   }
 
   // ---- text ----
@@ -423,13 +400,14 @@ class Generator {
     for (const auto& [layout, count] : schedule_.planes)
       text += fmt::format("  {} {}[{}][{}];\n", storage_info(layout.storage).c_type, plane_array(layout),
                           count, plane_cells(layout));
-    if (live_slots_ > 0) text += fmt::format("  program_wide v[{}];\n", live_slots_);
-    if (temporaries_ > 0) text += fmt::format("  program_wide t[{}];\n", temporaries_);
+    if (live_slots_ > 0) text += fmt::format("  program_wide_number v[{}];\n", live_slots_);
+    if (temporaries_ > 0) text += fmt::format("  program_wide_number t[{}];\n", temporaries_);
     if (tile_.uses_random) text += "  uint64_t draws;\n";
     if (has_exchanges())
       text += fmt::format("  uint8_t edges[4][{}], message[{}];\n",
                           std::max({slot_bytes_, max_edge_, std::size_t{1}}),
                           std::max<std::size_t>(max_edge_, 1));
+    if (counted_plans_ > 0) text += fmt::format("  uint32_t slot;\n  uint16_t passes[{}];\n", counted_plans_);
     return text;
   }
   static std::string plane_array(const Layout& layout) {
@@ -444,8 +422,9 @@ class Generator {
 
   std::string channel_members() const {
     std::string text;
+    const std::string cells = renamed("PROGRAM_ROWS * PROGRAM_COLUMNS");
     for (const Channel& channel : tile_.channels) {
-      text += fmt::format("  float {}[PROGRAM_ROWS * PROGRAM_COLUMNS]; /* {} */\n", channel_member(channel),
+      text += fmt::format("  float {}[{}]; /* {} */\n", channel_member(channel), cells,
                           comment_text(channel.name));
       if (!channel.is_sensor)
         text += fmt::format("  uint8_t written_{};\n", channel_member(channel).substr(8));
@@ -455,31 +434,46 @@ class Generator {
     return text;
   }
 
+  // Identifiers that begin with program_ or PROGRAM_ begin with the name instead. Whatever the name is, no
+  // other identifier becomes one of them: none ends with an underscore and the rest of one.
   std::string renamed(std::string text) const {
     std::string upper = options_.name;
     std::ranges::transform(upper, upper.begin(),
                            [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
-    replace_all(text, "program_", options_.name + "_");
-    replace_all(text, "PROGRAM_", upper + "_");
+    constexpr std::size_t kLength = std::string_view("program").size();
+    for (std::size_t at = text.find('_'); at != std::string::npos; at = text.find('_', at + 1)) {
+      const std::size_t begin = at - std::min(at, kLength);
+      const std::string word = text.substr(begin, at - begin);
+      if ((word != "program" && word != "PROGRAM") || (begin > 0 && is_word(text[begin - 1]))) continue;
+      text.replace(begin, kLength, word == "program" ? options_.name : upper);
+      at = begin + options_.name.size();
+    }
     return text;
   }
 
-  std::string filled(std::string text) const {
-    replace_all(text, "@HEADER@", header_file_);
-    replace_all(text, "@TILE_COLUMNS@", std::to_string(options_.tile_columns));
-    replace_all(text, "@TILE_ROWS@", std::to_string(options_.tile_rows));
-    replace_all(text, "@COLUMNS@", std::to_string(options_.columns));
-    replace_all(text, "@ROWS@", std::to_string(options_.rows));
-    replace_all(text, "@BUFFER@", std::to_string(std::max<std::size_t>(max_edge_, 1)));
-    return text;
+  // `text` with what stands for each @NAME@.
+  static std::string filled(std::string_view text, const std::map<std::string_view, std::string>& values) {
+    std::string result;
+    for (;;) {
+      const std::size_t begin = text.find('@');
+      result += text.substr(0, begin);
+      if (begin == std::string_view::npos) return result;
+      const std::size_t end = text.find('@', begin + 1);
+      result += values.at(text.substr(begin + 1, end - begin - 1));
+      text.remove_prefix(end + 1);
+    }
   }
 
   std::string header_text() const {
-    std::string text = renamed(filled(std::string(runtime::kHeader)));
-    replace_all(text, "@SOURCE@", comment_text(source_));
-    replace_all(text, "@CHANNELS@\n", renamed(channel_members()));
-    replace_all(text, "@STATE@\n", renamed(state_members()));
-    return text;
+    return filled(renamed(std::string(runtime::kHeader)),
+                  {{"SOURCE", comment_text(source_)},
+                   {"TILE_COLUMNS", std::to_string(options_.tile_columns)},
+                   {"TILE_ROWS", std::to_string(options_.tile_rows)},
+                   {"COLUMNS", std::to_string(options_.columns)},
+                   {"ROWS", std::to_string(options_.rows)},
+                   {"BUFFER", std::to_string(std::max<std::size_t>(max_edge_, 1))},
+                   {"CHANNELS", channel_members()},
+                   {"STATE", renamed(state_members())}});
   }
 
   std::string body_text() const {
@@ -520,11 +514,10 @@ class Generator {
   }
 
   std::string source_text(const Report&) {
-    std::string text = filled(std::string(runtime::kSource));
+    std::string text(runtime::kSource);
     text += fmt::format(
-        "enum {{ TABLE_COLUMNS = {}, TABLE_ROWS = {}, MARGIN = {}, PITCH = PROGRAM_COLUMNS + 2 * MARGIN, "
-        "HAS_ENDED "
-        "= 65535 }};\n",
+        "enum {{ COLUMNS_OF_TABLE = {}, ROWS_OF_TABLE = {}, MARGIN = {}, "
+        "PITCH = PROGRAM_COLUMNS + 2 * MARGIN, AFTER_END = 65535, ALL_SIDES = 15, ROW_ENDS = 3 }};\n",
         options_.columns, options_.rows, margin_width());
     for (const auto& [layout, count] : schedule_.planes)
       text += fmt::format("#define {}(i) (s->{}[i]{})\n", plane_macro(layout), plane_array(layout),
@@ -551,7 +544,8 @@ class Generator {
     if (uses_random_integers()) text += runtime::kRandomInteger;
     std::string exchange(runtime::kExchange);
     const std::size_t edge = exchange.find("/* ---- the table's edge");
-    std::string impose = exchange.substr(edge), loads, stores, impositions;
+    std::string loads, stores, impositions;
+    const std::string impose = exchange.substr(edge);
     exchange.resize(edge);
     // A program without planes of one storage has no array of it.
     for (const Storage storage : kStorages) {
@@ -568,26 +562,29 @@ class Generator {
     }
     if (has_exchanges()) {
       replace_all(exchange, "@PLANS@\n", plans_text());
+      const bool counts = counted_plans_ > 0;
+      replace_all(exchange, "@PASS_MEMBERS@\n",
+                  counts ? "  uint16_t bytes, passes, counter; /* each pass of a tick has its own */\n" : "");
+      replace_all(exchange, "@SLOT@", counts ? "s->slot" : "plan->slot");
+      replace_all(exchange, "@COUNT@\n", counts ? kCountPass : "");
       replace_all(exchange, "@LOADS@\n", loads);
       replace_all(exchange, "@STORES@\n", stores);
       text += exchange;
     }
-    if (!impositions.empty()) {
-      text += "enum { WEST_AND_EAST_OUTER = 3 };\n";
-      replace_all(impose, "WEST_AND_EAST", "WEST_AND_EAST_OUTER");
-      text += impose + impositions;
-    }
+    if (!impositions.empty()) text += impose + impositions;
     text += "\n/* ---- kernels ---- */\n\n" + writer_.functions();
     std::string run(runtime::kRun);
     if (!has_exchanges())
       replace_all(run, "    if (s->phase != 0 && !exchange(s)) return PROGRAM_EDGES;\n", "");
+    std::string first_pass;
+    if (counted_plans_ > 0)
+      first_pass = fmt::format("    for (int i = 0; i < {}; ++i) s->passes[i] = 0;\n", counted_plans_);
+    replace_all(run, "@FIRST_PASS@\n", first_pass);
     replace_all(run, "@START@\n", start_text());
     replace_all(run, "@BODY@\n", body_text());
-    replace_all(run, "@ERRORS@\n", error_text());
     text += run;
-    text = renamed(std::move(text));
-    replace_all(text, "@SOURCE@", comment_text(source_));
-    return text;
+    return filled(renamed(std::move(text)),
+                  {{"SOURCE", comment_text(source_)}, {"HEADER", header_file_}, {"ERRORS", error_text()}});
   }
 
   static constexpr std::array<const char*, 3> kClockNames{"tick", "time_s", "period_s"};
@@ -596,6 +593,7 @@ class Generator {
   const std::string header_file_, source_;
   TileProgram tile_;
   Schedule schedule_;
+  const TickPaths paths_;
   KernelWriter writer_;
   const bool is_whole_;  // one tile: nothing is exchanged
   std::vector<int> slot_;
@@ -606,7 +604,7 @@ class Generator {
   std::vector<std::size_t> first_position_;
   std::vector<Line> lines_;
   std::vector<Plan> plans_;
-  std::size_t slot_bytes_ = 0, max_edge_ = 0;
+  std::size_t slot_bytes_ = 0, max_edge_ = 0, counted_plans_ = 0;
 };
 
 }  // namespace

@@ -27,8 +27,6 @@ std::array<OperationText, 256> make_operation_texts() {
   return texts;
 }
 
-bool is_word(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_'; }
-
 // The condition of "as_number(condition)"; empty if the text is not of that form.
 std::string condition_of(const std::string& text, const std::string& function) {
   if (!text.starts_with(function + "(") || text.back() != ')') return {};
@@ -36,6 +34,8 @@ std::string condition_of(const std::string& text, const std::string& function) {
 }
 
 }  // namespace
+
+bool is_word(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_'; }
 
 void replace_all(std::string& text, const std::string& from, const std::string& to) {
   for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))

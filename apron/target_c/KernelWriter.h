@@ -85,6 +85,7 @@ class KernelWriter {
   bool uses_random_integers_ = false;
 };
 
+bool is_word(char c);  // of an identifier
 void replace_all(std::string& text, const std::string& from, const std::string& to);
 // The plane's pointer to the cell at row 0, column 0, by the macro of its layout: "OWN_TRUTHS(3)".
 std::string plane_text(const Place& place);

@@ -23,11 +23,11 @@ struct Options {
   double link_baud = 0.0, rate_hz = 60.0, turnaround_s = 20e-6;
 };
 
-// The cost of one tick, at most; of a loop whose number of passes only run time tells, one pass.
+// The cost of one tick: the most of each quantity; of a loop whose number of passes only run time tells, one
+// pass.
 struct Report {
   std::size_t rounds = 0, waits = 0;  // a round whose values need corners waits twice
-  std::size_t edge_bytes = 0;         // per side and direction
-  std::size_t edge_packets = 0;
+  std::size_t edge_bytes = 0;         // in sequence: messages to different sides travel at once
   bool has_open_loops = false;
   std::size_t plane_bytes = 0, strip_bytes = 0, scalar_bytes = 0, channel_bytes = 0;
   std::size_t kernels = 0, regions = 0;

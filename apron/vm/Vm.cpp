@@ -230,6 +230,7 @@ Status Vm::execute_profiled(std::size_t at) {
   const std::uint64_t start_ns = thread_time_ns();
   const Status status = execute(decoded_[at]);
   ++profile_[at].executions;
+  profile_[at].jumps += program_counter_ != at + 1 ? 1 : 0;
   profile_[at].nanoseconds += thread_time_ns() - start_ns;
   return status;
 }

@@ -46,6 +46,7 @@ struct VmOptions {
 // Accumulated cost of one instruction of the program: its processor time on the thread that calls run().
 struct InstructionProfile {
   std::uint64_t executions = 0, nanoseconds = 0;
+  std::uint64_t jumps = 0;  // executions after which another instruction than the next one follows
 };
 
 enum class Status {

@@ -38,7 +38,7 @@ std::string report_text(const Options& options, const target_c::Report& report) 
       report.plane_bytes, report.strip_bytes, report.channel_bytes, report.scalar_bytes);
   if (report.needs_double) text += "mathematical functions: need a double of 64 bits\n";
   if (options.tile_width == options.width && options.tile_height == options.height) return text;
-  return text + fmt::format("{}: {} rounds, {} waits, {} bytes a side\n",
+  return text + fmt::format("{}: {} rounds, {} waits, {} bytes in sequence\n",
                             report.has_open_loops ? "edges of a tick, each open loop once"
                                                   : "edges of a tick, at most",
                             report.rounds, report.waits, report.edge_bytes);

@@ -133,37 +133,40 @@ std::uint32_t priced_expansion(const program::Program& program, std::size_t inde
   return priced;
 }
 
-// Bills each expansion of a priced macro as one instruction of the machine: its first instruction in the code
+// Bills each use of a priced macro as one instruction of the machine: its first instruction in the code
 // carries the cost of the whole expansion.
 class MacroBilling {
  public:
   MacroBilling(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
                const CostModel& model)
-      : program_(program), model_(model), carries_(program.expansions.size(), false) {
+      : program_(program), model_(model), first_(program.expansions.size()) {
     if (model.macros.empty()) return;
     for (std::size_t index = 0; index < profile.size(); ++index) {
       const std::uint32_t expansion = priced_expansion(program, index, model);
       if (expansion == 0) continue;
       entries_.resize(profile.size());
-      Entry& entry = entries_[index];
-      entry.expansion = expansion;
-      entry.is_first = !carries_[expansion];
-      carries_[expansion] = true;
+      entries_[index] = {expansion, profile[index].executions};
+      if (!first_[expansion]) first_[expansion] = index;
     }
+    // A body that jumps back to its beginning is still in the same use.
+    for (std::size_t index = 0; index < entries_.size(); ++index)
+      for (const program::Operand& operand : program.code[index].operands)
+        if (const auto first = first_[entries_[index].expansion];
+            operand.kind == program::OperandKind::kLabel && first == operand.index)
+          entries_[*first].uses -= profile[index].jumps;
   }
 
   // Returns true if the instruction belongs to a priced macro. Its first instruction gets the cost of all.
-  bool bill(std::size_t index, std::uint64_t executions, double cells, ProfileTotals& totals) {
+  bool bill(std::size_t index, double cells, ProfileTotals& totals) {
     if (entries_.empty() || entries_[index].expansion == 0) return false;
     const Entry& entry = entries_[index];
-    if (!entry.is_first) return true;
+    if (first_[entry.expansion] != index) return true;
     const std::string& name = program_.expansions[entry.expansion].macro;
     const InstructionCost& cost = *macro_cost(model_, program_.expansions[entry.expansion]);
-    const auto times = static_cast<double>(executions);
+    const auto times = static_cast<double>(entry.uses);
     totals.cycles = times * (cost.cycles + cost.cycles_per_cell * cells);
     totals.energy_j = times * (cost.energy_j + cost.energy_j_per_cell * cells);
-    ProfileTotals& sum = by_macro_[name];
-    sum += totals;
+    by_macro_[name] += {entry.uses, totals.nanoseconds, totals.cycles, totals.energy_j};
     return true;
   }
 
@@ -178,11 +181,11 @@ class MacroBilling {
  private:
   struct Entry {
     std::uint32_t expansion = 0;
-    bool is_first = false;
+    std::uint64_t uses = 0;  // of the expansion, by its first instruction
   };
   const program::Program& program_;
   const CostModel& model_;
-  std::vector<bool> carries_;
+  std::vector<std::optional<std::size_t>> first_;  // instruction, by expansion
   std::vector<Entry> entries_;
   std::map<std::string, ProfileTotals> by_macro_;
 };
@@ -193,7 +196,7 @@ ProfileTotals instruction_totals(const program::Program& program, std::size_t in
   ProfileTotals totals{profile.executions, profile.nanoseconds, 0.0, 0.0};
   if (!model) return totals;
   const program::Instruction& instruction = program.code[index];
-  if (billing->bill(index, profile.executions, array_cells, totals)) return totals;
+  if (billing->bill(index, array_cells, totals)) return totals;
   const auto found = model->instructions.find(std::string(program::opcode_info(instruction.op).mnemonic));
   const InstructionCost& cost = found != model->instructions.end() ? found->second : model->default_cost;
   const auto executions = static_cast<double>(profile.executions);

@@ -2,6 +2,7 @@
 
 #include <png.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cstring>
 
@@ -35,11 +36,28 @@ float luma(std::uint32_t red, std::uint32_t green, std::uint32_t blue) {
   return static_cast<float>((77 * red + 150 * green + 29 * blue) >> 8U);
 }
 
+// The file without the chunks that relate its values to light, by which libpng would change them.
+std::string without_color_space(std::string_view bytes) {
+  constexpr std::string_view kChunks[] = {"gAMA", "cHRM", "sRGB", "iCCP", "cICP"};
+  std::size_t at = 8;  // after the signature
+  std::string kept(bytes.substr(0, at));
+  while (at + 12 <= bytes.size()) {
+    std::size_t size = 12;  // length, name and checksum, around the data
+    for (std::size_t i = 0; i < 4; ++i)
+      size += std::size_t{static_cast<unsigned char>(bytes[at + i])} << (24 - 8 * i);
+    const std::string_view chunk = bytes.substr(at, size);
+    if (std::ranges::find(kChunks, chunk.substr(4, 4)) == std::end(kChunks)) kept += chunk;
+    at += chunk.size();
+  }
+  return kept.append(bytes.substr(std::min(at, bytes.size())));
+}
+
 }  // namespace
 
 DecodedImage decode_png(const std::string& path, std::string_view bytes, const vm::Plane* shape) {
+  const std::string values = without_color_space(bytes);
   PngImage image;
-  if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0)
+  if (png_image_begin_read_from_memory(&image, values.data(), values.size()) == 0)
     throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
   require_size(path, image.width, image.height, shape);
   // libpng's own grey weighs colours in linear light, and takes 16 bits for linear light.

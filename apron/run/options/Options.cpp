@@ -299,6 +299,11 @@ void parse_compile_options(RawOptions& raw) {
   if (raw.target != "c") refuse("--target", "'{}' is unknown; known: c", raw.target);
   if (options.output.size() < 3 || !options.output.ends_with(".c"))
     refuse("-o", "'{}' does not end in .c", options.output);
+  const std::string_view file = std::string_view(options.output).substr(options.output.find_last_of('/') + 1);
+  if (file.find("??") != std::string_view::npos || std::ranges::any_of(file, [](unsigned char c) {
+        return c < 0x20 || c == 0x7F || c == '"' || c == '\\';
+      }))
+    refuse("-o", "'{}': C cannot include its header: a file name without \", \\ and ??", options.output);
   options.tile_width = options.width;
   options.tile_height = options.height;
   if (!raw.tile.empty()) {
@@ -330,8 +335,7 @@ void parse_compile_options(RawOptions& raw) {
   const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; };
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
   if (options.name.empty()) {
-    const std::size_t slash = options.output.find_last_of('/');
-    for (const char c : options.output.substr(slash == std::string::npos ? 0 : slash + 1))
+    for (const char c : file)
       if (c == '.')
         break;
       else
@@ -492,7 +496,7 @@ ParsedOptions parse_options(int argc, char** argv) {
   } catch (const CLI::Success& success) {
     return {raw.options, app.exit(success)};
   } catch (const CLI::ParseError& error) {
-    common::print_message("apron: error: " + common::describe_parse_error(app, error, argc, argv) + "\n");
+    common::print_error_line("apron: error", common::describe_parse_error(app, error, argc, argv));
     return {raw.options, common::kUserError};
   }
 }

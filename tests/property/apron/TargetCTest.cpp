@@ -7,6 +7,7 @@
 
 #include <bit>
 #include <cstdlib>
+#include <cstring>
 #include <deque>
 #include <filesystem>
 #include <fstream>
@@ -655,6 +656,76 @@ TEST(TargetC, ALoopWithoutAnEndStopsTheBoardWhereItStopsTheVm) {
   }
 }
 
+// The centre cell of 3x3 takes the west neighbour's number so often a tick, and shows it. Each edge has 100
+// times its tick and its round, and one never comes. The first tick is left out.
+std::vector<float> shown_without_edge(bool counts_ticks, std::uint32_t unroll, std::uint32_t lost_tick,
+                                      std::uint16_t lost_round) {
+  TestProgram build;
+  const Operand a = build.reg(3, 3), b = build.reg(3, 3), n = build.var();
+  build.add(Opcode::kCopy, a, build.lit(0.5F));
+  const std::size_t top = build.next_index();
+  if (counts_ticks)
+    build.add(Opcode::kSurfaceTick, n);
+  else
+    build.add(Opcode::kCopy, n, build.lit(3));
+  const std::size_t pass = build.next_index();
+  build.add(Opcode::kShift, b, a, build.lit(1), build.lit(0));
+  build.add(Opcode::kCopy, a, b);
+  build.add(Opcode::kSub, n, n, build.lit(1));
+  build.add(Opcode::kJumpGt, {}, n, build.lit(0), TestProgram::label(pass));
+  build.add(Opcode::kSurfaceActuate, {}, build.text("y"), a);
+  build.add(Opcode::kSurfaceStep);
+  build.add(Opcode::kJump, {}, TestProgram::label(top));
+  target_c::Options options;
+  options.name = "p";
+  options.columns = options.rows = 3;
+  options.tile_columns = options.tile_rows = 1;
+  options.unroll = unroll;
+  const program::Program program = build.finish();
+  EXPECT_EQ(program::verify(program), "");
+  Library library;
+  library.add(options, target_c::generate(program, options, "p.h"));
+  EXPECT_TRUE(library.build());
+  struct Board {
+    TileCode code;
+    std::uint32_t tick = 0, lost_tick = 0;
+    std::uint16_t lost_round = 0;
+  } board{library.find("p", 1, 1), 0, lost_tick, lost_round};
+  const Links links{
+      &board,
+      [](void* context, void* state, std::uint32_t tick) {
+        Board& of = *static_cast<Board*>(context);
+        of.tick = tick;
+        of.code.clock(state, tick, kPeriod * tick, kPeriod);
+      },
+      [](void*, int, std::uint16_t, const std::uint8_t*, std::uint16_t) -> int { return kReady; },
+      [](void* context, int, std::uint16_t round, std::uint8_t* buffer, std::uint16_t count) -> int {
+        const Board& of = *static_cast<Board*>(context);
+        if (of.tick == of.lost_tick && round == of.lost_round) return kGivenUp;
+        const auto value = static_cast<float>(100 * of.tick + round);
+        std::memcpy(buffer, &value, std::min<std::size_t>(count, sizeof value));
+        return kReady;
+      },
+      [](void*, void*, std::uint32_t) {}};
+  std::vector<double> memory(board.code.size() / sizeof(double) + 1);
+  EXPECT_EQ(board.code.init(memory.data(), &links, 1, 1, 3, 3), 0);
+  std::vector<float> shown;
+  for (int tick = 0; tick < 5; ++tick) {
+    EXPECT_EQ(board.code.run(memory.data()), kDone);
+    if (tick > 0) shown.push_back(*board.code.channel(memory.data(), 0));
+  }
+  return shown;
+}
+
+TEST(TargetC, AnEdgeThatIsGivenUpIsThePreviousTicksHoweverFarLoopsAreUnrolled) {
+  for (const std::uint32_t unroll : {20000U, 6U, 1U})
+    EXPECT_EQ(shown_without_edge(false, unroll, 3, 2), (std::vector<float>{102, 202, 202, 402})) << unroll;
+}
+
+TEST(TargetC, AnEdgeThatIsGivenUpInALoopOfUnknownLengthIsThePreviousPasss) {
+  EXPECT_EQ(shown_without_edge(true, 20000, 4, 3), (std::vector<float>{100, 201, 302, 402}));
+}
+
 TEST(TargetC, SaysWhatAnIntegerCannotHold) {
   TestProgram build;
   const Operand a = build.reg(64, 64), n = build.var(300.0F);
@@ -665,6 +736,65 @@ TEST(TargetC, SaysWhatAnIntegerCannotHold) {
   EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
             std::vector<std::string>{
                 "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
+}
+
+// A program whose C has all parts: edges, mathematics, integers, random numbers and scalars of run time.
+program::Program program_of_all_parts() {
+  TestProgram build;
+  const Operand a = build.reg(8, 8), b = build.reg(8, 8), i = build.reg(8, 8), j = build.reg(8, 8),
+                n = build.var();
+  for (const Operand& whole : {i, j}) build.program.registers[whole.index].type = program::CellType::kInt32;
+  const std::size_t top = build.next_index();
+  build.add(Opcode::kSurfaceTime, n);
+  build.add(Opcode::kSurfaceSense, a, build.text("program_y"));
+  build.add(Opcode::kNearSum, b, a, build.lit(8));
+  build.add(Opcode::kSin, a, b);
+  build.add(Opcode::kRandomInt, i, build.lit(0), n);
+  build.add(Opcode::kNearMax, j, i, build.lit(4));
+  build.add(Opcode::kMul, a, a, n);
+  build.add(Opcode::kCheckRepeat, {}, n);
+  build.add(Opcode::kSurfaceActuate, {}, build.text("program_y"), a);
+  build.add(Opcode::kSurfaceActuate, {}, build.text("i"), j);
+  build.add(Opcode::kSurfaceStep);
+  build.add(Opcode::kJump, {}, TestProgram::label(top));
+  program::Program program = build.finish();
+  EXPECT_EQ(program::verify(program), "");
+  program.files = {"program_PROGRAM_.aps"};
+  return program;
+}
+
+std::set<std::string> identifiers(std::string text) {
+  for (std::size_t at = text.find("/*"); at != std::string::npos; at = text.find("/*", at))
+    text.erase(at, text.find("*/", at) + 2 - at);
+  static const std::regex kIdentifier("[A-Za-z_]\\w*");
+  return {std::sregex_token_iterator(text.begin(), text.end(), kIdentifier), {}};
+}
+
+TEST(TargetC, AnyNameMakesCThatCompiles) {
+  target_c::Options options;
+  options.columns = options.rows = 8;
+  options.tile_columns = options.tile_rows = 4;
+  const program::Program program = program_of_all_parts();
+  const target_c::Generated plain = target_c::generate(program, options, "program.h");
+  // No identifier becomes a public one when the prefix of those changes.
+  const std::set<std::string> all = identifiers(plain.source + plain.header);
+  for (const std::string& name : all) {
+    if (!name.starts_with("program_") && !name.starts_with("PROGRAM_")) continue;
+    for (const std::string& other : all) {
+      if (other.ends_with(name.substr(7)) && other.find("program_") != 0 && other.find("PROGRAM_") != 0)
+        ADD_FAILURE() << other << " is " << name << " of another prefix";
+    }
+  }
+  Library library;
+  for (const char* const name : {"int", "exit", "table", "west_and", "_8x8", "PROGRAM_x"}) {
+    options.name = name;
+    const target_c::Generated made = target_c::generate(program, options, options.name + ".h");
+    EXPECT_NE(made.header.find(" sense_program_y["), std::string::npos) << name;
+    EXPECT_NE(made.header.find("/* program_y */"), std::string::npos) << name;
+    EXPECT_NE(made.source.find("return \"program_PROGRAM_.aps:8: error: "), std::string::npos) << name;
+    library.add(options, made);
+  }
+  EXPECT_TRUE(library.build());
 }
 
 // ---- the programs of the tasks ----

@@ -110,10 +110,66 @@ class Compiling(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertIn("46 rounds", out)
 
+    def edges(self, text, *flags, bounded=True):
+        file = self.write("a.aps", text)
+        status, out, err = self.run_program(APRON, "compile", file, "--target", "c", "-o", str(self.folder / "a.c"), "--size", "16x16",
+                                            "--tile", "8x8", *flags)
+        self.assertEqual(status, 0, err)
+        (self.folder / "a.c").unlink()
+        found = re.search(r"edges of a tick, (at most|each open loop once): (\d+) rounds, (\d+) waits, (\d+) bytes in sequence\n", out)
+        self.assertEqual(found[1] == "at most", bounded, out)
+        return tuple(map(int, found.groups()[1:]))
+
+    def test_a_tick_has_the_most_of_each_quantity(self):
+        # Even ticks: one round of 8 floats; odd ones: twelve rounds of 8 bits.
+        text = """!register(A, M)\nA = cell.x + 0.5\nM = cell.x == 3\n#frame\nif(surface.tick % 2 == 0)\n A = near.sum(A, 4) * 0.2\nelse
+            repeat(12)\n M = M or near.any(M, 4)\n endrepeat\nendif
+            surface.actuate('height', A)\nsurface.actuate('mask', M)\nsurface.step\njump(#frame)\n"""
+        for unroll in "20000", "1":
+            self.assertEqual(self.edges(text, "--unroll", unroll), (12, 12, 32))
+            # Twelve frames of 15 bytes take longer than one of 46: 18 ms.
+            self.edges(text, "--unroll", unroll, "--link", "110k")
+            self.assertIn("18 ms", self.refused(text, "--size", "16x16", "--tile", "8x8", "--unroll", unroll, "--link", "101.5k"))
+
+    def test_what_is_sent_in_sequence_adds_up(self):
+        text = "!register(A)\nA = cell.x\n#frame\nA = near.sum(A, 8)\nsurface.actuate('height', A)\nsurface.step\njump(#frame)\n"
+        # 8 floats west and east, then 10 north and south, each framed.
+        self.assertEqual(self.edges(text), (1, 2, 32 + 40))
+        self.edges(text, "--link", "61k")
+        self.assertIn("24 ms", self.refused(text, "--size", "16x16", "--tile", "8x8", "--link", "41.75k"))
+
+    def test_loops_of_unknown_length_have_a_bound_where_they_exchange_nothing(self):
+        text = """!register(A)\n#frame\nn = surface.tick\nwhile(n > 1)\n n = n - 2\n {}\nendwhile\nrepeat(3)\n A = A + north(A) + n\nendrepeat
+            surface.actuate('height', A)\nsurface.step\njump(#frame)\n"""
+        self.assertEqual(self.edges(text.format(""), "--link", "1M")[0], 3)
+        looping = text.format("A = north(A)")
+        self.assertEqual(self.edges(looping, bounded=False)[0], 4)
+        self.assertIn("a tick has no bound", self.refused(looping, "--size", "16x16", "--tile", "8x8", "--link", "1M"))
+
+    def test_the_first_tick_counts(self):
+        text = "!register(A)\nrepeat(5)\n A = 1 + north(A)\nendrepeat\n#frame\nsurface.actuate('height', A)\nsurface.step\njump(#frame)\n"
+        self.assertEqual(self.edges(text)[0], 4)  # the first pass reads zeros
+
     def test_invalid_flags(self):
         for flags in (["--tile", "8"], ["--tile", "65x8"], ["--halo", "0"], ["--halo", "9", "--tile", "8x8"], ["--link", "fast"],
                       ["--rate", "60"], ["--name", "1x"], ["--set", "speed=1"], ["--target", "rust"]):
             self.assertIn("error: ", self.refused("!register(A)\nA = north(A)\nsurface.actuate('height', A)\n", *flags), flags)
+
+    def test_file_names_that_c_cannot_include(self):
+        file = self.write("a.aps", "!register(A)\nsurface.actuate('height', A)\n")
+        for name in ('a"b.c', "a\\b.c", "a\nb.c", "a??!.c"):
+            status, out, err = self.run_program(APRON, "compile", file, "--target", "c", "-o", str(self.folder / name))
+            self.assertEqual((status, out), (2, ""), name)
+            self.assertRegex(err, r"\Aapron: error: -o: .*: C cannot include its header.*\n\Z")
+
+    @unittest.skipUnless(shutil.which("cc"), "no C compiler")
+    def test_other_file_names_make_c_that_compiles(self):
+        file = self.write("a.aps", "!register(A)\nA = north(A)\nsurface.actuate('height', A)\n")
+        for name in ("table.c", "int.c", "8x8.c", "program_x.c", "a b'c.c", "@ROWS@.c", "ü.c"):
+            status, _, err = self.run_program(APRON, "compile", file, "--target", "c", "--tile", "8x8", "-o", str(self.folder / name))
+            self.assertEqual(status, 0, err)
+            status, _, err = self.run_program("cc", "-std=c99", "-c", name, "-o", "a.o")
+            self.assertEqual(status, 0, err)
 
     def test_print_is_left_out_with_a_warning(self):
         file = self.write("a.aps", "!register(A)\nprintln(1)\nsurface.actuate('height', A)\n")

@@ -249,6 +249,16 @@ TEST_F(MediaTest, GreyLevelsDoNotDependOnTheFormat) {
                    "89504e470d0a1a0a0000000d4948445200000003000000010804000000b1e9dc3f0000000f49444154789c633"
                    "8c170a2e1c47f000be603d89138484d0000000049454e44ae426082"),
             (std::vector<float>{200, 200, 200}));
+  // 0, 32896 and 65535 of 65535, and 200, with a gamma of 1 before the pixels.
+  const std::string gamma = "0000000467414d41000186a031e8965f";
+  EXPECT_EQ(
+      levels("a.png", "89504e470d0a1a0a0000000d49484452000000030000000110000000006e1b972b" + gamma +
+                          "0000000f49444154789c6360606868f8ff1f00068402ff4660deb60000000049454e44ae426082"),
+      (std::vector<float>{0, 128, 255}));
+  EXPECT_EQ(
+      levels("a.png", "89504e470d0a1a0a0000000d4948445200000003000000010804000000b1e9dc3f" + gamma +
+                          "0000000f49444154789c6338c170a2e1c47f000be603d89138484d0000000049454e44ae426082"),
+      (std::vector<float>{200, 200, 200}));
 }
 
 TEST_F(MediaTest, RefusesDamagedPictures) {

@@ -95,6 +95,39 @@ TEST(ProfileReport, BillsMacrosAsInstructionsOfTheMachine) {
   EXPECT_DOUBLE_EQ(p["estimate"]["per_frame"]["cycles"], 2.0);
 }
 
+// A macro whose body loops three times, at its beginning, in a program that uses it twice.
+TEST(ProfileReport, BillsAUseOfAMacroOnceHoweverOftenItsBodyLoops) {
+  TestProgram b;
+  const Operand a = b.reg(4, 2), i = b.var(), n = b.var(2);
+  b.add(Opcode::kCopy, i, b.lit(3));
+  b.add(Opcode::kAdd, a, a, b.lit(1));
+  b.add(Opcode::kSub, i, i, b.lit(1));
+  b.add(Opcode::kJumpGt, {}, i, b.lit(0), TestProgram::label(1));
+  b.add(Opcode::kSub, n, n, b.lit(1));
+  b.add(Opcode::kJumpGt, {}, n, b.lit(0), TestProgram::label(0));
+  program::Program program = b.finish();
+  program.files = {"f"};
+  program.expansions = {{}, {"settle", {}}};
+  program.source_locations = {{0, 1, 1, 0}, {0, 2, 1, 1}};
+  for (std::uint32_t k = 0; k < program.code.size(); ++k)
+    program.code[k].source_location = k >= 1 && k <= 3 ? 1 : 0;
+  CostModel model;
+  model.clock_hz = 10;
+  model.default_cost.cycles = 0;
+  model.macros = {{"settle", {5}}};
+  model.frame_macros = {"settle"};
+  vm::test::FakeHost host;
+  vm::VmOptions options;
+  options.enable_profiling = true;
+  vm::Vm vm(program, options, host);
+  ASSERT_EQ(vm.run(), vm::Status::kEnded);
+  const json p = json::parse(profile_json(program, vm.profile(), 0, model));
+  EXPECT_EQ(p["machine"]["count"], 2);
+  EXPECT_EQ(p["frames"], 2);
+  EXPECT_DOUBLE_EQ(p["machine"]["cycles"], 10.0);
+  EXPECT_EQ(p["program"][1]["count"], 6);
+}
+
 TEST(ProfileReport, BillsFormsOfAMacroByTheirOperands) {
   program::Program program = loop_program().finish();
   program.files = {"f"};
