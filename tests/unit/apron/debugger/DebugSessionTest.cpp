@@ -263,6 +263,17 @@ TEST(ConditionCompiler, ReportsErrorsInOneLine) {
   EXPECT_NE(wrong("count > 1\nA = 3"), "");
 }
 
+TEST(ConditionCompiler, KnowsRegistersOfAnotherSizeByTheirNames) {
+  const CompiledSource c =
+      compile("!create('S', REGISTER, 4, 3)\n!register(A, T.S)\nr[S] = cell.x\nsurface.step\n");
+  std::string text;
+  for (const std::string& condition : {cell_expression("S", 3, 2), cell_expression("r[S]", 3, 2),
+                                       std::string("globalsum(S) + globalsum(r[S]) > pixel.get(T.S, 7, 5)")})
+    EXPECT_TRUE(run::compile_condition(condition, c.program, 8, 6, text)) << condition << ": " << text;
+  EXPECT_FALSE(run::compile_condition(cell_expression("S", 4, 2), c.program, 8, 6, text));
+  EXPECT_EQ(text, "column 4, row 2 is outside a register of 4x3");
+}
+
 TEST(ConditionCompiler, RefusesConstantCellsOutsideOfTheirRegister) {
   const CompiledSource c = compile(kCounting);
   std::string text;
