@@ -75,7 +75,11 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
     }
     if (ignores(name)) return Value::from_constant(0.0F);
     if (is_macro_name(name.text)) {
-      fail(name.location, "'{}' is read before it is written", display_name(name.text));
+      const std::string own = display_name(name.text);
+      fail(name.location, "'{}' is read before it is written{}", own,
+           syntax::is_function_local(name.text) && symbols_.find(own) != nullptr
+               ? ", as a name that the function writes is local: pass the program's as 'register'"
+               : "");
     }
     if (written_names_.count(name.text) == 0) {
       std::vector<std::string> known = other_names_;

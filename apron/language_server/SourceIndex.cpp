@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "apron/compiler/Builtins.h"
@@ -63,6 +64,9 @@ std::string key_of(TokenKind kind, const std::string& name) {
       return name;
   }
 }
+
+// The key of a filter, slider or switch, which only texts name.
+std::string text_key(const std::string& name) { return "'" + name; }
 
 // The comment lines directly above a line, without their slashes.
 std::string comment_above(const syntax::SourceManager& sources, const syntax::Location& at) {
@@ -144,7 +148,9 @@ class SourceIndex::Builder {
   }
 
   void add(Symbol::Kind kind, const Token& name, std::uint32_t scope, const Line& line) {
-    const auto key = std::pair(scope, key_of(name.kind, name.text));
+    const bool is_text = name.kind == TokenKind::kString &&
+                         (kind == Symbol::Kind::kFilter || kind == Symbol::Kind::kParameter);
+    const auto key = std::pair(scope, is_text ? text_key(name.text) : key_of(name.kind, name.text));
     if (name.text.empty() || !table_.try_emplace(key, index_.symbols_.size()).second) return;
     Symbol symbol;
     symbol.kind = kind;
@@ -237,11 +243,17 @@ class SourceIndex::Builder {
     }
   }
 
-  const Symbol* find_symbol(const Token& token) const {
+  std::optional<std::size_t> find_number(const Token& token) const {
     const std::string key = key_of(token.kind, token.text);
-    auto found = table_.find({scope_, key});
+    auto found = table_.end();
+    if (token.kind == TokenKind::kString) found = table_.find({kProgram, text_key(token.text)});
+    if (found == table_.end()) found = table_.find({scope_, key});
     if (found == table_.end()) found = table_.find({kProgram, key});
-    return found == table_.end() ? nullptr : &index_.symbols_[found->second];
+    return found == table_.end() ? std::nullopt : std::optional(found->second);
+  }
+  const Symbol* find_symbol(const Token& token) const {
+    const auto number = find_number(token);
+    return number ? &index_.symbols_[*number] : nullptr;
   }
 
   // Returns what a part of a ## b stands for: a name that is no parameter and no counter, for itself.
@@ -289,20 +301,17 @@ class SourceIndex::Builder {
       if (token.kind == TokenKind::kName || token.kind == TokenKind::kDirective)
         index_.words_.push_back({token.location, length + (token.kind == TokenKind::kDirective ? 1 : 0),
                                  (token.kind == TokenKind::kDirective ? "!" : "") + token.text});
-      const std::string key = key_of(token.kind, token.text);
-      auto found = table_.find({scope_, key});
-      if (found == table_.end()) found = table_.find({kProgram, key});
-      if (found == table_.end()) continue;
+      const auto found = find_number(token);
+      if (!found) continue;
       // A text is a name only where it declares one, or where an instruction takes the name of a filter or
       // slider.
-      const Symbol& symbol = index_.symbols_[found->second];
-      const bool named_by_text = symbol.kind == Symbol::Kind::kFilter ||
-                                 symbol.kind == Symbol::Kind::kParameter ||
-                                 symbol.kind == Symbol::Kind::kClass;
+      const Symbol& symbol = index_.symbols_[*found];
+      const bool named_by_text =
+          symbol.kind == Symbol::Kind::kClass || table_.contains({kProgram, text_key(token.text)});
       if (token.kind == TokenKind::kString && !named_by_text && !(token.location == symbol.location) &&
           !is_matched_element(line, i))
         continue;
-      index_.occurrences_.push_back({start, length, found->second});
+      index_.occurrences_.push_back({start, length, *found});
     }
   }
 

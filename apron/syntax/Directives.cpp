@@ -311,17 +311,36 @@ void Preprocessor::handle_macro_def(const Tokens& tokens) {
   if (parse_macro_body(macro, macro.location) && signature_valid) add_macro(std::move(macro));
 }
 
-bool Preprocessor::may_call_routine(const std::vector<Line>& body) const {
+// True if a routine or macro that the lines call may write a name of the program.
+bool Preprocessor::may_write_program(const std::vector<Line>& body) const {
   return std::ranges::any_of(body, [&](const Line& line) {
-    return std::ranges::any_of(line.tokens, [&](const Token& token) {
-      return token.kind == TokenKind::kName &&
-             (token.text == "call" || token.text == "callif" || calling_macros_.contains(token.text));
-    });
+    for (std::size_t i = 0; i < line.tokens.size(); ++i) {
+      const Token& token = line.tokens[i];
+      if (token.is_name("call") || token.is_name("callif")) return true;
+      const bool is_operator =
+          is_keyword(token.text) && (i + 1 == line.tokens.size() || !line.tokens[i + 1].is("("));
+      if (token.kind == TokenKind::kName && !is_operator && writing_macros_.contains(token.text)) return true;
+    }
+    return false;
   });
 }
 
+bool Preprocessor::writes_program(const Macro& macro) {
+  const auto is_program_name = [](const BodyWrites::Place& place) {
+    return place.name.kind == TokenKind::kName;
+  };
+  const BodyWrites writes = find_writes(macro.body);
+  return may_write_program(macro.body) || std::ranges::any_of(writes.targets, is_program_name) ||
+         std::ranges::any_of(writes.calls, [&](const BodyWrites::Call& call) {
+           return std::ranges::any_of(call.places, [&](const auto& numbered) {
+             return is_program_name(numbered.second) &&
+                    write_kind(call, numbered.first, &macro) > WriteKind::kUnknown;
+           });
+         });
+}
+
 void Preprocessor::add_macro(Macro macro) {
-  if (may_call_routine(macro.body)) calling_macros_.insert(macro.name);
+  if (writes_program(macro)) writing_macros_.insert(macro.name);
   if (macro.parameters.size() > kMaxParameters) {
     report(macro.location, "the {} '{}' has {} parameters: {} at most",
            macro.is_function ? "function" : "macro", macro.name, macro.parameters.size(), kMaxParameters);

@@ -2,7 +2,9 @@
 // parameters are the function's, and whose local names are all those that its lines write.
 #include <algorithm>
 #include <map>
+#include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -31,47 +33,6 @@ Line copy_line(TokenKind to_kind, const std::string& to, TokenKind from_kind, co
           {make_token(to_kind, to, location), make_token(TokenKind::kPunctuator, "=", location),
            make_token(from_kind, from, location)}};
 }
-
-// The names that a body's lines write or declare, each as often as it is.
-class Writes {
- public:
-  Writes(const std::vector<Line>& body,
-         const std::function<int(std::string_view, std::size_t)>& written_argument) {
-    for (const Line& line : body) visit(line, written_argument);
-  }
-  std::size_t count(const std::string& name) const {
-    const auto found = counts_.find(name);
-    return found == counts_.end() ? 0 : found->second;
-  }
-  const std::map<std::string, std::size_t>& counts() const { return counts_; }
-  const std::set<std::string>& labels() const { return labels_; }
-
- private:
-  void visit(const Line& line, const std::function<int(std::string_view, std::size_t)>& written_argument) {
-    const Tokens& tokens = line.tokens;
-    const Token& first = tokens.front();
-    if (first.kind == TokenKind::kLabel) labels_.insert(first.text);
-    const auto equals = find_equals(tokens.begin(), tokens.end());
-    const bool has_list = tokens.size() > 2 && tokens[1].is("(") && tokens.back().is(")");
-    if (first.kind == TokenKind::kName && equals != tokens.end()) {
-      for (const Tokens& target : split_arguments(tokens.begin(), equals)) add(target);
-    } else if (first.kind == TokenKind::kName && has_list && written_argument) {
-      const std::vector<Tokens> arguments = split_arguments(tokens.begin() + 2, tokens.end() - 1);
-      const int index = written_argument(first.text, arguments.size());
-      if (index >= 0 && index < std::ssize(arguments)) add(arguments[index]);
-    } else if (first.kind == TokenKind::kDirective && has_list &&
-               (first.text == "register" || first.text == "scalar")) {
-      for (const Tokens& name : split_arguments(tokens.begin() + 2, tokens.end() - 1))
-        if (!name.empty()) ++counts_[name.front().text];
-    }
-  }
-  void add(const Tokens& target) {
-    if (target.size() == 1 && target.front().kind == TokenKind::kName) ++counts_[target.front().text];
-  }
-
-  std::map<std::string, std::size_t> counts_;
-  std::set<std::string> labels_;
-};
 
 bool mentions(const Tokens& tokens, const std::string& name) {
   return std::ranges::any_of(tokens, [&](const Token& token) { return token.is_name(name); });
@@ -174,26 +135,112 @@ bool Preprocessor::read_function_body(Location location, std::vector<Line>& body
   return false;
 }
 
+// How the call writes the argument of that number, through macros of any depth that can be expanded. A
+// macro's name within its own body is the instruction of that name, if there is one.
+WriteKind Preprocessor::write_kind(const BodyWrites::Call& call, std::size_t argument, const Macro* caller) {
+  WriteKind result = WriteKind::kNone;
+  std::set<std::tuple<const Macro*, std::size_t, bool>> seen, next;
+  const auto visit = [&](const BodyWrites::Call& at, std::size_t index, bool is_element,
+                         const Macro* within) {
+    const auto defined = defines_.find(at.name);
+    const bool is_renamed = defined != defines_.end() && defined->second.size() == 1;
+    const std::string& name = is_renamed ? defined->second.front().text : at.name;
+    const MacroTable::Handle macro = macros_.find(name, at.argument_count, at.has_result);
+    if (macro != nullptr && !(macro.get() == within && is_builtin(name))) {
+      next.emplace(macro.get(), index, is_element);
+    } else if (!is_builtin(name)) {
+      result = std::max(result, WriteKind::kUnknown);
+    } else if (!at.has_result && options_.written_argument) {
+      int written = options_.written_argument(name, at.argument_count);
+      if (written == 0 && at.begins_with_text) ++written;  // surface.sense('name', D)
+      if (written == static_cast<int>(index))
+        result = std::max(result, is_element ? WriteKind::kElement : WriteKind::kWhole);
+    }
+  };
+  visit(call, argument, false, caller);
+  for (std::size_t depth = 0; depth < kMaxMacroDepth && !next.empty(); ++depth) {
+    for (const auto& key : std::exchange(next, {})) {
+      if (!seen.insert(key).second) continue;
+      const auto& [macro, index, is_element] = key;
+      const std::string& parameter = macro->parameters[index].name;
+      const auto is_parameter = [&](const BodyWrites::Place& place) {
+        return place.name.kind == TokenKind::kParameter && place.name.text == parameter;
+      };
+      const BodyWrites& writes = writes_of(*macro);
+      for (const BodyWrites::Place& target : writes.targets)
+        if (is_parameter(target))
+          result =
+              std::max(result, is_element || target.is_element ? WriteKind::kElement : WriteKind::kWhole);
+      for (const BodyWrites::Call& inner : writes.calls)
+        for (const auto& [number, place] : inner.places)
+          if (is_parameter(place)) visit(inner, number, is_element || place.is_element, macro);
+    }
+  }
+  return result;
+}
+
+const BodyWrites& Preprocessor::writes_of(const Macro& macro) {
+  const auto found = body_writes_.find(&macro);
+  return found != body_writes_.end() ? found->second
+                                     : body_writes_.emplace(&macro, find_writes(macro.body)).first->second;
+}
+
+Preprocessor::FunctionWrites Preprocessor::writes_of_function(const Macro& function) {
+  const BodyWrites writes = find_writes(function.body);
+  FunctionWrites result;
+  std::set<std::string> declared;
+  const auto add = [&](const BodyWrites::Place& place, WriteKind kind) {
+    if (place.name.kind != TokenKind::kName || kind == WriteKind::kNone) return;
+    const bool is_element = kind == WriteKind::kElement || (place.is_element && kind == WriteKind::kWhole);
+    (kind == WriteKind::kUnknown ? result.unknown
+     : is_element                ? result.elements
+                                 : result.names)
+        .insert(place.name.text);
+  };
+  // A function that calls itself writes its own registers.
+  const auto kind_of = [&](const BodyWrites::Call& call, std::size_t argument) {
+    if (call.name != function.name || call.argument_count != function.parameters.size() ||
+        call.has_result == function.result_parameter.empty() || is_builtin(call.name))
+      return write_kind(call, argument, nullptr);
+    const MacroParameter& parameter = function.parameters[argument];
+    if (parameter.type != ArgumentType::kRegister) return WriteKind::kNone;
+    return parameter.is_array ? WriteKind::kElement : WriteKind::kWhole;
+  };
+  for (const BodyWrites::Place& place : writes.declared) {
+    declared.insert(place.name.text);
+    add({place.name, false}, WriteKind::kWhole);
+  }
+  for (const BodyWrites::Place& place : writes.targets) add(place, WriteKind::kWhole);
+  for (const BodyWrites::Call& call : writes.calls)
+    for (const auto& [number, place] : call.places) add(place, kind_of(call, number));
+  for (const std::string& name : declared) result.elements.erase(name);
+  for (const Line& line : function.body)
+    if (line.tokens.front().kind == TokenKind::kLabel) result.labels.insert(line.tokens.front().text);
+  return result;
+}
+
 void Preprocessor::define_function(Macro function) {
   const Location location = function.location;
   std::vector<Line>& body = function.body;
-  const Writes writes(body, options_.written_argument);
+  FunctionWrites writes = writes_of_function(function);
   const bool returns = std::ranges::any_of(body, [](const Line& line) { return is_line(line, "return"); });
   std::vector<std::string> results = function.further_results;
   if (!function.result_parameter.empty()) results.insert(results.begin(), function.result_parameter);
 
+  for (const std::string& result : results)
+    if (writes.unknown.contains(result)) writes.names.insert(result);
   std::map<std::string, TokenKind> meaning;  // of the names: parameters of the macro, or local
-  for (const auto& [name, count] : writes.counts()) meaning[name] = TokenKind::kLocalName;
+  for (const std::string& name : writes.names) meaning[name] = TokenKind::kLocalName;
   const auto require_name = [&](const std::string& name) {
     if (is_keyword(name))
       report(location, "the function '{}' has a keyword as a name: '{}'", function.name, name);
   };
-  for (const auto& [name, count] : writes.counts()) require_name(name);
+  for (const std::string& name : writes.names) require_name(name);
   for (const MacroParameter& parameter : function.parameters)
-    if (writes.count(parameter.name) == 0) require_name(parameter.name);
+    if (!writes.names.contains(parameter.name)) require_name(parameter.name);
   std::vector<Line> before, after;
   for (const std::string& result : results) {
-    if (writes.count(result) == 0) {
+    if (!writes.names.contains(result)) {
       report(location, "the function '{}' does not write its result '{}'", function.name, result);
     } else if (results.size() == 1 && !returns && is_written_at_the_end(body, result)) {
       meaning[result] = TokenKind::kParameter;
@@ -204,13 +251,16 @@ void Preprocessor::define_function(Macro function) {
   const bool has_registers = std::ranges::any_of(function.parameters, [](const MacroParameter& parameter) {
     return parameter.type == ArgumentType::kRegister;
   });
-  const bool may_call = may_call_routine(body);
+  const bool may_write_program = this->may_write_program(body);
   for (const MacroParameter& parameter : function.parameters) {
-    const bool is_written = writes.count(parameter.name) > 0;
+    const bool is_element_written = writes.elements.contains(parameter.name);
+    const bool is_written = writes.names.contains(parameter.name) || is_element_written;
     const bool is_copied = parameter.type == ArgumentType::kAny || parameter.type == ArgumentType::kPlane ||
                            parameter.type == ArgumentType::kNumber;
-    // A register that the function writes may be given as a plane as well; a routine may write any name.
-    if (is_copied && !parameter.is_array && (is_written || has_registers || may_call)) {
+    // A register that the function writes may be given as a plane as well, and so may a name of the program
+    // that a macro or routine writes.
+    if (is_copied && !parameter.is_array && !is_element_written &&
+        (is_written || writes.unknown.contains(parameter.name) || has_registers || may_write_program)) {
       meaning[parameter.name] = TokenKind::kLocalName;
       before.push_back(
           copy_line(TokenKind::kLocalName, parameter.name, TokenKind::kParameter, parameter.name, location));
@@ -218,16 +268,21 @@ void Preprocessor::define_function(Macro function) {
     }
     if (is_written && parameter.type != ArgumentType::kRegister)
       report(location, "the function '{}' writes '{}', which is {}", function.name, parameter.name,
-             parameter.is_array                         ? "an array of the caller: declare it 'register'"
+             is_copied                                  ? "an array of the caller: declare it 'register'"
              : parameter.type == ArgumentType::kInteger ? "a constant"
                                                         : "a text");
     meaning[parameter.name] = TokenKind::kParameter;
+    writes.elements.erase(parameter.name);
   }
+  for (const std::string& array : writes.elements)
+    report(location,
+           "the function '{}' writes elements of '{}', which is the program's: pass it as 'register'",
+           function.name, array);
   for (Line& line : body) {
     const Tokens& words = line.tokens;
     if (words.front().is_name("call") || words.front().is_name("callif")) {
       const auto own = std::ranges::find_if(words, [&](const Token& token) {
-        return token.kind == TokenKind::kLabel && writes.labels().contains(token.text);
+        return token.kind == TokenKind::kLabel && writes.labels.contains(token.text);
       });
       if (own != words.end())
         report(
@@ -245,7 +300,7 @@ void Preprocessor::define_function(Macro function) {
     for (std::size_t i = 0; i < line.tokens.size(); ++i) {
       Token& token = line.tokens[i];
       const bool is_call = i + 1 < line.tokens.size() && line.tokens[i + 1].is("(");
-      if (token.kind == TokenKind::kLabel && writes.labels().contains(token.text))
+      if (token.kind == TokenKind::kLabel && writes.labels.contains(token.text))
         token.kind = TokenKind::kLocalLabel;
       if (token.kind != TokenKind::kName || is_call) continue;
       if (const auto found = meaning.find(token.text); found != meaning.end()) token.kind = found->second;

@@ -20,6 +20,7 @@
 #include "apron/syntax/MacroTable.h"
 #include "apron/syntax/SourceManager.h"
 #include "apron/syntax/Token.h"
+#include "apron/syntax/Writes.h"
 
 namespace apron::syntax {
 
@@ -167,6 +168,15 @@ class Preprocessor {
   static bool parse_function_parameter(const Tokens&, MacroParameter&);
   bool read_function_body(Location, std::vector<Line>&);
   void define_function(Macro);
+  struct FunctionWrites {
+    std::set<std::string> names;     // written as a whole, or declared
+    std::set<std::string> elements;  // arrays that the function does not declare, of which it writes elements
+    std::set<std::string> unknown;   // given to calls of what is not defined so far
+    std::set<std::string> labels;
+  };
+  FunctionWrites writes_of_function(const Macro&);
+  const BodyWrites& writes_of(const Macro&);
+  WriteKind write_kind(const BodyWrites::Call&, std::size_t argument, const Macro* caller);
 
   // Directives.cpp
   using Arguments = std::vector<Tokens>;
@@ -184,7 +194,8 @@ class Preprocessor {
   void push_file(const std::string& path, std::string text, Location from);
   void handle_define(const Tokens&);
   void handle_macro_def(const Tokens&);
-  bool may_call_routine(const std::vector<Line>& body) const;
+  bool may_write_program(const std::vector<Line>& body) const;
+  bool writes_program(const Macro&);
   void add_macro(Macro);
   void handle_for(const Tokens&);
   bool parse_macro_signature(const Tokens&, Macro&);
@@ -216,7 +227,8 @@ class Preprocessor {
   std::map<std::string, std::string> operators_;
   std::map<std::string, OperandKind> operand_kinds_;
   MacroTable macros_;
-  std::set<std::string> calling_macros_;  // in whose bodies a routine may run
+  std::set<std::string> writing_macros_;  // whose bodies write a name of the program or may run a routine
+  std::map<const Macro*, BodyWrites> body_writes_;
   std::string module_;
   std::vector<MacroTable::Handle> assigning_plainly_;  // defined before the last `!operator(=, …)`
   bool original_ = false;

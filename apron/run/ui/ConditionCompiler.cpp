@@ -11,20 +11,41 @@ namespace apron::run {
 namespace {
 
 bool is_identifier_character(char c) {
-  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.';
+  const auto byte = static_cast<unsigned char>(c);
+  return std::isalnum(byte) != 0 || byte >= 0x80 || c == '_' || c == '.';
 }
 
-// True if the text contains the name as a whole word; false for compiler-generated names.
-bool mentions(const std::string& text, const std::string& name) {
-  if (!program::is_user_name(name)) return false;
-  for (std::size_t position = text.find(name); position != std::string::npos;
+// Where the name occurs next as a whole word; npos if it does not, as compiler-generated names never do.
+std::size_t find_word(const std::string& text, const std::string& name, std::size_t from = 0) {
+  if (!program::is_user_name(name)) return std::string::npos;
+  for (std::size_t position = text.find(name, from); position != std::string::npos;
        position = text.find(name, position + 1)) {
     const std::size_t end = position + name.size();
     if ((position == 0 || !is_identifier_character(text[position - 1])) &&
         (end == text.size() || !is_identifier_character(text[end])))
-      return true;
+      return position;
   }
-  return false;
+  return std::string::npos;
+}
+
+bool mentions(const std::string& text, const std::string& name) {
+  return find_word(text, name) != std::string::npos;
+}
+
+// Registers of another size, which the debugger knows by their names alone, are elements of a class in the
+// language.
+std::string with_elements(std::string condition, const program::Program& debuggee, std::uint32_t width,
+                          std::uint32_t height) {
+  for (const program::Register& r : debuggee.registers) {
+    if (r.width == width && r.height == height) continue;
+    const std::string element = "REGISTER[" + r.name + "]";
+    for (std::size_t at = find_word(condition, r.name); at != std::string::npos;) {
+      const bool is_element = at > 0 && condition[at - 1] == '[';
+      if (!is_element) condition.replace(at, r.name.size(), element);
+      at = find_word(condition, r.name, at + (is_element ? r.name.size() : element.size()));
+    }
+  }
+  return condition;
 }
 
 // Declares the registers and scalars of the debuggee that the condition names.
@@ -95,13 +116,14 @@ std::string outside_error(const program::Program& condition) {
 
 }  // namespace
 
-std::optional<program::Program> compile_condition(const std::string& condition,
-                                                  const program::Program& debuggee, std::uint32_t width,
-                                                  std::uint32_t height, std::string& error) {
-  if (condition.find_first_of("\r\n\\") != std::string::npos || condition.find("//") != std::string::npos) {
+std::optional<program::Program> compile_condition(const std::string& text, const program::Program& debuggee,
+                                                  std::uint32_t width, std::uint32_t height,
+                                                  std::string& error) {
+  if (text.find_first_of("\r\n\\") != std::string::npos || text.find("//") != std::string::npos) {
     error = "a condition must be one line without a comment";
     return std::nullopt;
   }
+  const std::string condition = with_elements(text, debuggee, width, height);
   const std::string declarations = condition_declarations(condition, debuggee, width, height);
   compiler::CompileResult result = compile_text(declarations + "#again\n" + debugger::kResultVariable +
                                                     " = " + condition + "\nsurface.step\njump(#again)\n",

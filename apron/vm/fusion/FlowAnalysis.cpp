@@ -124,6 +124,11 @@ void FlowAnalysis::compute_liveness(const ObservedRegisters& observed) {
     for (std::size_t i = 0; !group.is_variable_group && i < group.members.size(); ++i)
       always_live[group.members[i] / 64] |= std::uint64_t{1} << (group.members[i] % 64);
   live_bits_.assign(program_.code.size() * n, 0);
+  for (const program::LocalName& local : program_.local_names) {
+    if (!observed.all_named || local.operand.kind != OperandKind::kRegister) continue;
+    for (std::size_t at = local.first; at < std::min<std::size_t>(local.last, program_.code.size()); ++at)
+      live_bits_[at * n + local.operand.index / 64] |= std::uint64_t{1} << (local.operand.index % 64);
+  }
   for (int pass = 0; pass < kMaxPasses; ++pass)
     if (!liveness_pass(always_live, live_at_end)) return;
   live_bits_.clear();
@@ -150,6 +155,7 @@ bool FlowAnalysis::liveness_pass(const std::vector<std::uint64_t>& always_live,
     for (const Operand& o : in.operands)
       if (o.kind == OperandKind::kRegister) live_here[o.index / 64] |= bit(o);
     const auto place = live_bits_.begin() + at * n;
+    for (std::size_t w = 0; w < n; ++w) live_here[w] |= place[w];
     if (!std::equal(live_here.begin(), live_here.end(), place)) {
       std::copy(live_here.begin(), live_here.end(), place);
       changed = true;

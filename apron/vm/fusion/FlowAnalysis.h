@@ -12,7 +12,8 @@ namespace apron::vm {
 
 // The registers whose cells are read from outside of the program, which keeps their values alive.
 struct ObservedRegisters {
-  bool all_named = true;                // all that the user named, at any time
+  // All that the user named, at any time; local names of macros and functions, in their bodies.
+  bool all_named = true;
   std::vector<std::uint32_t> any_time;  // these, at any time
   // These, when the program ends or completes a surface.step, and unless it fails.
   std::vector<std::uint32_t> at_end;

@@ -1,7 +1,7 @@
 // Random programs of functions compute what a plain interpreter in this file computes: values and registers
-// as parameters, local names, arrays with constant and computed indices, matrix products, masks within and
-// around calls. In any layout, and formatted, they compile to the same instructions. The check of bodies that
-// are not called accepts them.
+// as parameters, which functions write in any way, local names, arrays with constant and computed indices,
+// matrix products, masks within and around calls. In any layout, and formatted, they compile to the same
+// instructions. The check of bodies that are not called accepts them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -58,6 +58,11 @@ class RandomFunctions {
         "!register(A, B, M, N, X, Y, G[3])\n!scalar(w[9])\nfor(i, 0, 8)\nw[i] = 0.75 - 0.25 * i\nendfor\n"
         "function u, v = pair(plane a, plane b)\nu = a + b\nv = u - 2 * b\nendfunction\n"
         "function y = ramp(plane a, number n)\ny = a\nwhere(a < n)\ny = n - a\nendwhere\nendfunction\n";
+    text +=
+        "function raise(register x, number d)\nx = x + d\nendfunction\n"
+        "!macro_def\nswap($x, $y)\n!macro_begin\n:kept = $x\n$x = $y\n$y = :kept\n!macro_end\n"
+        "!macro_def\nlift($x)\n!macro_begin\nraise($x, 2)\n!macro_end\n"
+        "!macro_def\ncount($n)\n!macro_begin\n$n = $n + 1\n!macro_end\n";
     for (int i = 0; i < 3; ++i) add_function(i);
     const std::string call = "X = f2(A + X, B, 2, Y, G)\n";
     text +=
@@ -92,8 +97,8 @@ class RandomFunctions {
       changed.try_emplace(name, caller.at(name));
       scope.registers[inside] = &changed.at(name);
     };
-    lend(r, "r");
-    for (int i = 0; i < 3; ++i) lend(element(q, i), element("q", i));
+    if (takes_registers(function)) lend(r, "r");
+    for (int i = 0; i < 3 && takes_registers(function); ++i) lend(element(q, i), element("q", i));
     scope.own["a"] = std::move(a);
     scope.own["b"] = std::move(b);
     scope.numbers["n"] = n;
@@ -105,6 +110,9 @@ class RandomFunctions {
   static std::string element(const std::string& array, int index) {
     return array + '[' + std::to_string(index) + ']';
   }
+
+  // A function without them copies no parameter that it does not write.
+  static bool takes_registers(int function) { return function > 0; }
 
   unsigned below(unsigned n) { return rng_() % n; }
 
@@ -121,8 +129,8 @@ class RandomFunctions {
     if (below(2) == 0) set("y", expression(2, true));
     for (unsigned i = 4 + below(6); i > 0; --i) add_statement(body, 0);
     set("y", expression(2, true));
-    text += "function y = f" + std::to_string(number) +
-            "(plane a, plane b, number n, register r, register q[])\n" + body.text + "endfunction\n";
+    text += "function y = f" + std::to_string(number) + "(plane a, plane b, number n" +
+            (takes_registers(number) ? ", register r, register q[])\n" : ")\n") + body.text + "endfunction\n";
     bodies_.push_back(body);
   }
 
@@ -132,12 +140,12 @@ class RandomFunctions {
   }
 
   std::string target() {
-    static const char* const kTargets[] = {"t0", "t1", "t2", "a", "b", "r", "q[1]", "h[0]", "h[2]"};
-    return kTargets[below(std::size(kTargets))];
+    static const char* const kTargets[] = {"t0", "t1", "t2", "a", "b", "h[0]", "h[2]", "r", "q[1]"};
+    return kTargets[below(takes_registers(functions_) ? 9 : 7)];
   }
 
   void add_statement(Statements& body, int depth) {
-    switch (below(depth < 2 ? 10 : 4)) {
+    switch (below(depth < 2 ? 13 : 4)) {
       case 4:
       case 5:
         return add_where(body, depth);
@@ -149,6 +157,10 @@ class RandomFunctions {
         return add_call(body);
       case 9:
         return add_product(body);
+      case 10:
+      case 11:
+      case 12:
+        return add_indirect_write(body);
       case 3: {
         body.text += "t0, t1 = pair(t1, t0)\n";
         body.run.emplace_back([](Scope& scope) {
@@ -169,6 +181,43 @@ class RandomFunctions {
         body.text += name + " = " + value.text + "\n";
         body.run.emplace_back([=](Scope& scope) { scope.write(name, value.compute(scope)); });
       }
+    }
+  }
+
+  // A write by a call: of a function, a macro or an instruction.
+  void add_indirect_write(Statements& body) {
+    static const char* const kRegisters[] = {"t0", "t1", "t2", "a", "b", "r"};
+    const unsigned count = takes_registers(functions_) ? 6 : 5;
+    const std::string x = kRegisters[below(count)], y = kRegisters[below(count)];
+    const auto add_to_cells = [&](const std::string& line, const std::function<float(std::size_t)>& amount) {
+      body.text += line + "\n";
+      body.run.emplace_back([=](Scope& scope) {
+        Cells cells = scope.at(x);
+        for (std::size_t i = 0; i < kCount; ++i) cells[i] += amount(i);
+        scope.write(x, cells);
+      });
+    };
+    switch (below(6)) {
+      case 0:
+        return add_to_cells("raise(" + x + ", 3)", [](std::size_t) { return 3.0F; });
+      case 1:
+        return add_to_cells("lift(" + x + ")", [](std::size_t) { return 2.0F; });
+      case 2:
+        return add_to_cells("add(" + x + ", " + x + ", 1)", [](std::size_t) { return 1.0F; });
+      case 3:
+        return add_to_cells("pixel.set(" + x + ", 2, 1, pixel.get(" + x + ", 2, 1) + 4)",
+                            [](std::size_t i) { return i == kWidth + 2 ? 4.0F : 0.0F; });
+      case 4:
+        body.text += "count(n)\n";
+        body.run.emplace_back([](Scope& scope) { ++scope.numbers["n"]; });
+        return;
+      default:
+        body.text += "swap(" + x + ", " + y + ")\n";
+        body.run.emplace_back([=](Scope& scope) {
+          const Cells first = scope.at(x), second = scope.at(y);
+          scope.write(x, second);
+          scope.write(y, first);
+        });
     }
   }
 
@@ -193,7 +242,7 @@ class RandomFunctions {
 
   // A loop at run time or at compile time over an array of the function or of the caller.
   void add_loop(Statements& body) {
-    const std::string array = below(2) == 0 ? "h" : "q";
+    const std::string array = !takes_registers(functions_) || below(2) == 0 ? "h" : "q";
     const bool unrolled = below(2) == 0;
     const Value value = expression(1, true);
     const int from = unrolled ? 2 : 0;
@@ -211,6 +260,7 @@ class RandomFunctions {
   }
 
   void add_product(Statements& body) {
+    if (!takes_registers(functions_)) return;
     const std::string to = below(2) == 0 ? "h" : "q", from = to == "h" ? "q" : "h";
     body.text += "matrix.product(" + to + ", " + from + ", w)\n";
     body.run.emplace_back([=](Scope& scope) {
@@ -240,8 +290,8 @@ class RandomFunctions {
     const std::string to = target(), array = below(2) == 0 ? "h" : "q";
     const char* const lent = below(2) == 0 ? "t2" : "r";
     const Value a = expression(1, true), b = expression(0, true);
-    body.text += to + " = f" + std::to_string(function) + "(" + a.text + ", " + b.text + ", n, " + lent +
-                 ", " + array + ")\n";
+    body.text += to + " = f" + std::to_string(function) + "(" + a.text + ", " + b.text + ", n" +
+                 (takes_registers(function) ? std::string(", ") + lent + ", " + array : "") + ")\n";
     body.run.emplace_back([=, this](Scope& scope) {
       scope.write(
           to, apply(scope, function, a.compute(scope), b.compute(scope), scope.numbers["n"], lent, array));
@@ -291,8 +341,9 @@ class RandomFunctions {
 
   // Registers of the program too, which functions read.
   Value leaf(bool with_locals) {
-    static const char* const kNames[] = {"a", "b", "A", "r", "q[2]", "t0", "t1", "t2", "h[1]"};
-    const std::string name = kNames[below(with_locals ? 9 : 5)];
+    static const char* const kNames[] = {"r", "q[2]", "a", "b", "A", "t0", "t1", "t2", "h[1]"};
+    const unsigned first = takes_registers(functions_) ? 0 : 2;
+    const std::string name = kNames[first + below((with_locals ? 9 : 5) - first)];
     if (name == "A") return {name, [this](Scope&) { return shared; }};
     return {name, [name](Scope& scope) { return scope.at(name); }};
   }

@@ -237,6 +237,18 @@ class LanguageServer(unittest.TestCase):
             self.assertEqual(self.rename("Q", "Z", 1 - occurrence), renamed)
         self.assertEqual(self.rename("Q', REGISTER", "Z"), renamed)
 
+    def test_rename_keeps_what_is_named_by_text_apart_from_names(self):
+        text = "sim.slider.add('{0}', -2, 2, 0.6)\nfilter.create('{1}', 3, 3)\n!register(A, B)\nfunction y = f(k)\nprintln('y', k)\ny = k\nendfunction\n" \
+               "A = east(A) + sim.slider.get('{0}')\nB = filter.do(A, '{1}') + f(B)\n"
+        self.change(text.format("east", "west"))
+        self.assertEqual(self.rename("east'", "drift"), text.format("drift", "west"))
+        self.assertEqual(self.rename("east'", "drift", 1), text.format("drift", "west"))
+        self.assertEqual(self.rename("east(", "drift"), "there is no name of the program here")
+        self.change(text.format("east", "k"))
+        self.assertEqual(self.rename("k'", "edge"), text.format("east", "edge"))
+        self.assertEqual(self.rename("k)", "z"), self.text.replace("f(k", "f(z").replace("y', k", "y', z").replace("y = k", "y = z"))
+        self.assertEqual(self.rename("y = f", "v"), self.text.replace("y = ", "v = "))
+
     def test_rename_reaches_strings_that_are_a_name_of_the_macro(self):
         self.change("!macro_def\nshow($name)\n!macro_begin\n:t = $name\nprintln('$name', ':t', ' $name', :t)\n!macro_end\nn = 3\nshow(n)\n")
         for occurrence in range(3):

@@ -123,6 +123,60 @@ TEST(FunctionErrors, OfDefinitions) {
             "main.aps:1:12: error: '!for' counts in whole numbers that are constants");
 }
 
+TEST(FunctionErrors, OnlyRegistersOfTheCallerAreWritten) {
+  const std::string head = kHead + "function fill(register r[])\nr[0] = 7\nendfunction\n";
+  const auto of_body = [&](const std::string& parameters, const std::string& lines) {
+    return first_line(
+        errors(compile_text(head + "function g(" + parameters + ")\n" + lines + "\nendfunction\n")));
+  };
+  const std::string at = "main.aps:24:10: error: the function 'g' writes ";
+  const std::string array = at + "'p', which is an array of the caller: declare it 'register'";
+  EXPECT_EQ(of_body("plane p[]", "p[0] = 1"), array);
+  EXPECT_EQ(of_body("plane p[]", "fill(p)"), array);
+  EXPECT_EQ(of_body("plane p[]", "change(p[1], 2)"), array);
+  EXPECT_EQ(of_body("register p[]", "fill(p)\nchange(p[1], 2)\np[2] = 1"), "");
+  EXPECT_EQ(of_body("integer p", "change(p, 1)"), at + "'p', which is a constant");
+  const std::string element = at + "elements of 'ch', which is the program's: pass it as 'register'";
+  EXPECT_EQ(of_body("plane p", "ch[0] = p"), element);
+  EXPECT_EQ(of_body("plane p", "fill(ch)"), element);
+  EXPECT_EQ(of_body("plane p", "!register(ch[2])\nch[0] = p\nfill(ch)"), "");
+  for (const char* write : {"change(B, 1)", "pixel.set(B, 0, 0, 1)"})
+    EXPECT_NE(error("function y = g(plane p)\ny = p\n" + std::string(write) + "\nendfunction\nA = g(A)\n")
+                  .find("error: 'B' is read before it is written, as a name that the function writes is "
+                        "local: pass the program's as 'register'"),
+              std::string::npos);
+}
+
+// A parameter that the body writes, also through calls and macros, is the function's own.
+TEST(Function, ParametersArePassedByValue) {
+  const std::string head =
+      kHead +
+      "!macro_def\nswap($a, $b)\n!macro_begin\n:kept = $a\n$a = $b\n$b = :kept\n"
+      "!macro_end\n!macro_def\nthrough($a)\n!macro_begin\n:kept = 1 * $a\nswap($a, :kept)\n!macro_end\n"
+      "!macro_def\nadvance\n!macro_begin\nB = B + 1\n!macro_end\n"
+      "!macro_def\n$y = computed($a)\n!macro_begin\n$y = $a * 2\n!macro_end\n";
+  const auto body = [&](const std::string& lines, const std::string& after = "") {
+    return listing(compile_text(head + "function y = g(plane p, q)\n" + lines + "\ny = p + q\nendfunction\n" +
+                                after + "A = g(B, 2)\n"));
+  };
+  for (const char* lines : {"change(p, 1)", "swap(p, t)", "through(p)", "load(p, 3)",
+                            "surface.sense('proximity', p)", "x = 2 * f(p, 1)\np = 3", "advance"})
+    EXPECT_TRUE(body("t = p * 2\n" + std::string(lines)).starts_with("copy $0, B\n")) << lines << body(lines);
+  EXPECT_TRUE(body("late(p)", "!macro_def\nlate($a)\n!macro_begin\n$a = 1\n!macro_end\n")
+                  .starts_with("copy $0, B\n"));
+  EXPECT_EQ(body("t = computed(p) and (p > q)"),
+            "mul $0, B, 2\ngt $1, B, 2\nand $2, $0, $1\nadd A, B, 2\nend\n");
+}
+
+// A declaration of any type is local to the call, and zero at its start.
+TEST(Function, DeclaresRegistersOfAnyType) {
+  for (const std::string type : {"int32", "uint16", "uint8"})
+    EXPECT_EQ(listing(compile_text("!" + type + "(X)\nfunction y = g(plane a)\n!" + type +
+                                   "(t, h[1])\nt = t + a\ny = h[0] + t\nendfunction\nX = g(X)\n")),
+              "copy." + type + " $0, 0\ncopy." + type + " $1, 0\nadd." + type + " $0, $0, X\nadd." + type +
+                  " X, $1, $0\nend\n");
+}
+
 // A result that the last line writes goes to the caller's register; nothing is copied.
 TEST(Function, CostsWhatItsLinesCost) {
   EXPECT_EQ(listing(compile_text(kHead + "A = f(B, 2)")), "mul A, B, 2\nend\n");

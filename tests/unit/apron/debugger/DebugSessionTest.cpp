@@ -203,6 +203,37 @@ TEST_F(DebugSessionTest, ConditionReadsStateWithoutSideEffects) {
   EXPECT_EQ(host.step_count, other.step_count);
 }
 
+// Nothing reads h and k after the tick, and fused code would leave them out.
+TEST_F(DebugSessionTest, LocalNamesHaveTheirValuesAtTicks) {
+  start(
+      "!register(A, X)\n!macro_def\nhalve($a)\n!macro_begin\n:t = $a + 4\n$a = :t / 2\nsurface.step\n"
+      "$a = $a + 1\n!macro_end\nfunction y = g(plane a)\nh = a * 3\ny = h + 1\n"
+      "k = (a + 1) * (a + 2) * (a - 1)\ny = y + k\nsurface.step\ny = y + 1\nendfunction\n"
+      "A = 6\n#again\nhalve(A)\nX = g(A)\njump(#again)\n");
+  const auto expect_local = [&](const std::string& name, float value) {
+    const vm::Vm& vm = session->vm();
+    const program::LocalName* local = program::find_local(code.program, name, vm.program_counter());
+    ASSERT_NE(local, nullptr) << name;
+    EXPECT_EQ(vm::test::read_cells(vm.plane(local->operand.index))[5], value) << name;
+  };
+  float a = 6.0F;
+  for (int tick = 0; tick < 6; ++tick) {
+    session->step(StepUnit::kTick);
+    advance();
+    if (tick % 2 == 0) {
+      expect_local(":t", a + 4.0F);
+      a = (a + 4.0F) / 2.0F;
+      expect_local("a", a);
+      a += 1.0F;
+    } else {
+      expect_local("a", a);
+      expect_local("h", a * 3.0F);
+      expect_local("k", (a + 1.0F) * (a + 2.0F) * (a - 1.0F));
+      expect_local("y", a * 3.0F + 1.0F + (a + 1.0F) * (a + 2.0F) * (a - 1.0F));
+    }
+  }
+}
+
 TEST_F(DebugSessionTest, FailingConditionIsFalse) {
   start(kCounting);
   break_when("pixel.get(A, count, 0) == 1");  // outside the array from count 8 on
@@ -230,6 +261,17 @@ TEST(ConditionCompiler, ReportsErrorsInOneLine) {
   EXPECT_NE(wrong(""), "");
   EXPECT_NE(wrong("count > 1 // or so").find("comment"), std::string::npos);
   EXPECT_NE(wrong("count > 1\nA = 3"), "");
+}
+
+TEST(ConditionCompiler, KnowsRegistersOfAnotherSizeByTheirNames) {
+  const CompiledSource c =
+      compile("!create('S', REGISTER, 4, 3)\n!register(A, T.S)\nr[S] = cell.x\nsurface.step\n");
+  std::string text;
+  for (const std::string& condition : {cell_expression("S", 3, 2), cell_expression("r[S]", 3, 2),
+                                       std::string("globalsum(S) + globalsum(r[S]) > pixel.get(T.S, 7, 5)")})
+    EXPECT_TRUE(run::compile_condition(condition, c.program, 8, 6, text)) << condition << ": " << text;
+  EXPECT_FALSE(run::compile_condition(cell_expression("S", 4, 2), c.program, 8, 6, text));
+  EXPECT_EQ(text, "column 4, row 2 is outside a register of 4x3");
 }
 
 TEST(ConditionCompiler, RefusesConstantCellsOutsideOfTheirRegister) {
