@@ -285,6 +285,10 @@ void bind_batch(py::module_& m) {
            [](const Batch& b, int index) {
              return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.error(i); });
            })
+      .def("start_error",
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.start_error(i); });
+           })
       .def("has_running_episode",
            [](const Batch& b, int index) {
              return b.read(index,

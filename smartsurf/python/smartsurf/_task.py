@@ -348,12 +348,10 @@ class TaskVectorEnv(VectorEnv):
             self._last = {name: values.copy() for name, values in (seen if isinstance(seen, dict) else {"": seen}).items()}
         return seen
 
-    def _restart(self, seeds: list[int], mask: Flags) -> list[int]:
-        """Returns the worlds that could not start."""
+    def _restart(self, seeds: list[int], mask: Flags) -> None:
         failed = self._batch.reset(seeds, mask.astype(np.uint8).tolist())
         self._begin(mask)
         self._failed[failed] = True
-        return failed
 
     def _begin(self, mask: Flags) -> None:
         """After the reset of some worlds."""
@@ -385,9 +383,9 @@ class TaskVectorEnv(VectorEnv):
             gymnasium.vector.VectorEnv.reset(self, seed=seed if seed is None else int(seed))
         mask = self._reset_mask(options)
         self._start_recording()
-        failed = self._restart(self._seeds(seed, self._next_seed), mask)
+        self._restart(self._seeds(seed, self._next_seed), mask)
         observation, infos = self._observe(self.state()), _of_worlds(self._task_infos(), mask)
-        self._add_errors(infos, failed)
+        self._add_start_errors(infos, mask)
         return observation, infos
 
     def step(self, actions: ArrayLike | None = None) -> Any:
@@ -429,10 +427,10 @@ class TaskVectorEnv(VectorEnv):
         self._over = over.copy()
         if self._resets_itself and over.any():
             last = observation
-            unstarted = self._restart(self._seeds(None, self._next_seed), over)
+            self._restart(self._seeds(None, self._next_seed), over)
             observation, infos = self._observe(self.state()), self._task_infos()
             infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
-            self._add_errors(infos, unstarted)
+            self._add_start_errors(infos, over)
             final_obs = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(over):
                 final_obs[i] = _of_world(last, int(i))
