@@ -1,5 +1,6 @@
 """smartsurf train, its adapters, and networks that command a surface: equal commands wherever a policy runs."""
 import contextlib
+import copy
 import csv
 import importlib.util
 import io
@@ -496,14 +497,17 @@ class Training(ExperimentTest):
         from stable_baselines3 import PPO
         sb3 = smartsurf.sb3
         script = self.script(PLATE)
-        envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep"))
+        envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep", copy=False))
         twin = smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep")
         envs.seed(7)
         np.testing.assert_array_equal(envs.reset(), twin.reset(seed=[7, 8, 9])[0])
         random, ended = np.random.default_rng(1), 0
+        observations, infos = None, []
         for _ in range(120):
             actions = random.uniform(0, 3, twin.action_space.shape).astype(np.float32)
-            observations, rewards, over, infos = envs.step(actions)
+            kept = copy.deepcopy((observations, infos))
+            before, (observations, rewards, over, infos) = (observations, infos), envs.step(actions)
+            np.testing.assert_equal(before, kept)  # the next step leaves them alone
             expected, expected_rewards, terminated, truncated, _ = twin.step(actions)
             np.testing.assert_array_equal(observations, expected)
             np.testing.assert_array_equal(rewards, expected_rewards.astype(np.float32))
