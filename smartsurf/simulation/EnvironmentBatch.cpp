@@ -190,6 +190,7 @@ void EnvironmentBatch::write_state(std::size_t i, std::int64_t nonfinite_actions
   if (!a.success.empty()) a.success[i] = environment.has_succeeded() ? 1 : 0;
   if (!a.time.empty()) a.time[i] = environment.simulation().partial_snapshot().time_s;
   write_objects(i, a);
+  write_targets(i, a);
   if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = nonfinite_actions;
 }
 
@@ -233,6 +234,13 @@ void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const 
   }
 }
 
+void EnvironmentBatch::write_targets(std::size_t i, const StateArrays& a) const {
+  if (a.targets.empty()) return;
+  auto to = a.targets.subspan(i * action_size_, action_size_).begin();
+  for (const scene::ChannelData& channel : worlds_[i].environment->simulation().actuators())
+    to = std::ranges::copy(channel.values, to).out;
+}
+
 void EnvironmentBatch::observe_objects(const StateArrays& a) const {
   for (std::size_t i = 0; i < worlds_.size(); ++i)
     if (worlds_[i].environment->has_running_episode()) write_objects(i, a);
@@ -251,6 +259,7 @@ void EnvironmentBatch::copy_state(std::size_t i, const StateArrays& from, const 
   copy(from.nonfinite_actions, to.nonfinite_actions, 1);
   copy(from.objects, to.objects, object_count_ * kObjectStateSize);
   copy(from.time, to.time, 1);
+  copy(from.targets, to.targets, action_size_);
 }
 
 void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const BatchArrays& a) {

@@ -38,7 +38,8 @@ struct StateArrays {
   // worlds × object_count() × kObjectStateSize: position, orientation x y z w, velocity, angular velocity of
   // the declared objects; NaN of those that are gone.
   std::span<float> objects;
-  std::span<double> time;  // since the start of the episode, s
+  std::span<double> time;    // since the start of the episode, s
+  std::span<float> targets;  // worlds × actuator channels × rows × columns: the commands in effect, clamped
 };
 
 // The caller's arrays, world by world. An empty span is not written.
@@ -151,6 +152,7 @@ class EnvironmentBatch {
   template <class Work>
   void run_worlds(const Work&);
   void write_objects(std::size_t, const StateArrays&) const;
+  void write_targets(std::size_t, const StateArrays&) const;
   void copy_observation(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   [[noreturn]] void throw_error(std::size_t) const;

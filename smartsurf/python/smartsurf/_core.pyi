@@ -12,7 +12,7 @@ class Error(ValueError): ...
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Pairs = Sequence[tuple[str, str]]
-State = tuple[Floats, Doubles, NDArray[np.uint64], NDArray[np.uint8], NDArray[np.int64], Floats, Doubles]
+State = tuple[Floats, Doubles, NDArray[np.uint64], NDArray[np.uint8], NDArray[np.int64], Floats, Doubles, Floats]
 # Shape, the numbers, whether they are whole, whether it is a fault of cells.
 ParameterValue = tuple[list[int], list[float], bool, bool]
 # (name, values) and (name, low, high), in the order in which they apply.

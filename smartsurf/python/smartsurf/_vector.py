@@ -165,12 +165,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _planes(self) -> list[str]:
         return [channel.name for channel in self.sensor_channels for _ in range(channel.components)]
 
-    def _bind(self, objects: FloatArray | None = None, time: Numbers | None = None) -> None:
+    def _bind(self, objects: FloatArray | None = None, time: Numbers | None = None, targets: FloatArray | None = None) -> None:
         """Tells the batch where to write."""
-        no_objects, no_time = np.zeros(0, np.float32), np.zeros(0)
-        self._batch.bind((*self._state_arrays, no_objects if objects is None else objects,
-                          no_time if time is None else time),
-                         (*self._final_arrays, no_objects, no_time),
+        none, no_time = np.zeros(0, np.float32), np.zeros(0)
+        self._batch.bind((*self._state_arrays, none if objects is None else objects, no_time if time is None else time,
+                          none if targets is None else targets),
+                         (*self._final_arrays, none, no_time, none),
                          self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
 
     def _seeds(self, seed: Any, other: Callable[[int], int]) -> list[int]:
