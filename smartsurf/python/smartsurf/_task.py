@@ -169,7 +169,7 @@ def planes(state: State) -> Array:
         return state._to(np.zeros((len(state.time), 0, *state._cells), np.float32))
     if len(blocks) == 1:
         return blocks[0]
-    return np.concatenate([np.asarray(block) for block in blocks], axis=1)
+    return state._to(np.concatenate([np.asarray(block) for block in blocks], axis=1))
 
 
 def _to(arrays: str) -> Any:

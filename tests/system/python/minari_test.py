@@ -42,7 +42,8 @@ class DataSets(ExperimentTest):
     def test_the_loader_gives_what_an_environment_gives(self):
         fails = "on_reset(function() assert(math.random(3) > 1, 'early')"  # worlds that cannot start are left out
         scripts = (ENDINGS, ENDINGS.replace("on_reset(function()", fails))
-        for script, mode in itertools.product(map(self.script, scripts, ("sound.lua", "fails.lua")), ("NextStep", "SameStep")):
+        paths = map(self.script, scripts, ("sound.lua", "fails.lua"))
+        for script, mode in itertools.product(paths, ("NextStep", "SameStep")):
             with self.subTest(script=script, mode=mode):
                 data = self.collect(smartsurf.VectorEnv(script, 3, autoreset_mode=mode))
                 self.assertGreater(data.total_episodes, 5)
