@@ -133,21 +133,18 @@ std::string Environment::channel_difference(const script::Experiment& other) con
 }
 
 void Environment::start_episode(std::uint64_t seed, const Values& values) {
-  const auto is_set = [&](const auto& applied) {
-    return std::ranges::find(values, applied.first, &Values::value_type::first) != values.end();
-  };
   ending_.reset();
   reached_s_.reset();
-  // Only the script knows the values that are no longer set.
   simulation_.reset();
-  if (draws_while_loading_ || !std::ranges::all_of(applied_values_, is_set)) {
+  if (draws_while_loading_) {
     load(seed);
   } else {
     if (declared_) experiment_->mutable_scene() = *declared_;
     experiment_->restart(seed);
   }
+  applied_values_ = values;
   if (!values.empty()) {
-    applied_values_ = values;
+    if (!declared_) declared_ = scene();
     try {
       apply(values, experiment_->mutable_scene());
     } catch (const scene::InputError& error) {

@@ -177,7 +177,8 @@ class Environment {
   EnvironmentOptions options_;
   std::shared_ptr<scene::SolidFactory> solids_;
   std::optional<script::Experiment> experiment_;
-  std::optional<scene::SceneSpec> declared_;  // before the nuisances of an episode, if the scene has any
+  // Before the nuisances and parameter values of an episode, if there are any.
+  std::optional<scene::SceneSpec> declared_;
   std::unique_ptr<Simulation> simulation_;    // refers to experiment_; null: the episode could not start
   std::string engine_version_;                // of the latest simulation
   std::optional<ControllerLink> controller_;
