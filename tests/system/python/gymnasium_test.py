@@ -72,7 +72,18 @@ class Environments(ExperimentTest):
 
 
     def test_a_live_surface_has_the_observations_of_the_simulation_in_this_process(self):
-        path, name = self.script(CROWD), f"gymnasium-{os.getpid()}"
+        self.assert_live_equals_simulated(CROWD)
+
+    def test_a_live_surface_with_empty_cells_has_the_observations_of_the_simulation_in_this_process(self):
+        text = CROWD.replace("surface {", "surface { mask = function(r, c) return r + c > 3 end,")
+        env = smartsurf.Env(self.script(text))
+        self.assertEqual(env.simulation.sensor_channels[-1].name, "occupancy")
+        for occupancy in (env.reset(seed=1)[0][-1], smartsurf.VectorEnv(self.script(text)).reset(seed=1)[0][0, -1]):
+            self.assertEqual(np.argwhere(occupancy == 0).tolist(), [[0, 0], [0, 1], [1, 0]])
+        self.assert_live_equals_simulated(text)
+
+    def assert_live_equals_simulated(self, text):
+        path, name = self.script(text), f"gymnasium-{os.getpid()}"
         here = smartsurf.Env(path)
         expected = [here.reset(seed=3)[0]]
         simulator = subprocess.Popen([os.environ["SMARTSURF"], "run", path, "--shm", name, "--seed", "3", "--until", "0.5"])

@@ -99,14 +99,14 @@ class Training(ExperimentTest):
             self.assertEqual(self.hash_of_run(script, self.folder / "one/policy.onnx"),
                              self.hash_of_run(script, self.folder / "one/policy.aps"))
 
-    def network(self, convolutions):
-        random, layers, planes = np.random.default_rng(4), [], 5
+    def network(self, convolutions, planes=5):
+        random, layers, shape = np.random.default_rng(4), [], (planes, 6, 8)
         for units in convolutions:
             layers.append((random.normal(0, 0.4, (units, planes, 3, 3)), random.normal(0, 0.4, units)))
             planes = units
         layers.append((random.normal(0, 0.1, (12, planes * 48)), random.normal(0, 0.4, 12)))
         layers.append((random.normal(0, 0.6, (48, 12)), random.normal(0, 0.6, 48)))
-        return smartsurf.NetworkPolicy(layers, (5, 6, 8), (1, 6, 8), 0, 3, np.full((5, 1, 1), 4))
+        return smartsurf.NetworkPolicy(layers, shape, (1, 6, 8), 0, 3, np.full((shape[0], 1, 1), 4))
 
     @needs_onnx
     def test_networks_of_the_whole_surface_command_the_same_everywhere(self):
@@ -121,6 +121,15 @@ class Training(ExperimentTest):
             self.assertEqual(heights.shape, (6, 8))
             self.assertTrue(0 <= heights.min() < heights.max() <= 3)
             self.assertEqual(self.hash_of_run(script, path), self.hash_of_policy(script, policy))
+
+    @needs_onnx
+    def test_networks_of_a_surface_with_empty_cells_command_the_same_everywhere(self):
+        from smartsurf.onnx_controller import OnnxPolicy
+        script = self.script(PLATE.replace("surface {", "surface { mask = function(r, c) return r < 4 or c < 6 end,"))
+        path, channels = self.folder / "policy.onnx", smartsurf.Simulation(script).sensor_channels
+        self.network((), sum(c.components for c in channels)).export(path)
+        policy = OnnxPolicy(str(path), {c.name: c.components for c in channels}, ("height",))
+        self.assertEqual(self.hash_of_run(script, path), self.hash_of_policy(script, policy))
 
     @needs_onnx
     def test_networks_compute_what_their_layers_say(self):
