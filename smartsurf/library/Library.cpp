@@ -7,7 +7,6 @@
 #include "common/text/ClassicLocale.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/library/smartsurf.h"
-#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Environment.h"
 
 using smartsurf::simulation::Environment;
@@ -20,7 +19,7 @@ struct smartsurf_environment {
   // Call after what may load the script again: its surface may depend on the seed.
   void collect_channels() {
     const smartsurf::scene::SurfaceSpec& surface = environment.scene().surface;
-    sensors = smartsurf::scene::collect_channels(surface.sensors);
+    sensors = surface.observed_channels();
     actuators = surface.actuator_channels();
   }
   Environment environment;
@@ -161,7 +160,9 @@ smartsurf_status smartsurf_get_channel(const smartsurf_environment* e, smartsurf
             "channel");
     };
     if (direction == SMARTSURF_SENSORS)
-      describe(e->sensors[index], e->sensors[index].components, simulation.sensors()[index].values);
+      describe(e->sensors[index], e->sensors[index].components,
+               index < simulation.sensors().size() ? simulation.sensors()[index].values
+                                                   : e->environment.occupancy());
     else
       describe(e->actuators[index], 1, simulation.actuators()[index].values);
   });

@@ -51,10 +51,10 @@ class Batch {
     return get(*batch_, check(index));
   }
 
-  // Each state: observations, info, seeds, success, actions that are not finite, objects, time. Empty arrays
-  // are not written.
+  // Each state: observations, info, seeds, success, actions that are not finite, objects, time, targets.
+  // Empty arrays are not written.
   using State = std::tuple<Array<float>, Array<double>, Array<std::uint64_t>, Array<std::uint8_t>,
-                           Array<std::int64_t>, Array<float>, Array<double>>;
+                           Array<std::int64_t>, Array<float>, Array<double>, Array<float>>;
   void bind(State state, State final_state, Array<double> rewards, Array<std::uint8_t> terminated,
             Array<std::uint8_t> truncated) {
     arrays_ = {
@@ -181,9 +181,9 @@ class Batch {
 
  private:
   static simulation::StateArrays views(State& state) {
-    auto& [observations, info, seeds, success, nonfinite_actions, objects, time] = state;
+    auto& [observations, info, seeds, success, nonfinite_actions, objects, time, targets] = state;
     return {writable(observations),      writable(info),    writable(seeds), writable(success),
-            writable(nonfinite_actions), writable(objects), writable(time)};
+            writable(nonfinite_actions), writable(objects), writable(time),  writable(targets)};
   }
   static std::unique_ptr<EnvironmentBatch> make_batch(EnvironmentOptions options,
                                                       const std::vector<std::uint64_t>& seeds, int threads,
@@ -284,6 +284,10 @@ void bind_batch(py::module_& m) {
       .def("error",
            [](const Batch& b, int index) {
              return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.error(i); });
+           })
+      .def("start_error",
+           [](const Batch& b, int index) {
+             return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.start_error(i); });
            })
       .def("has_running_episode",
            [](const Batch& b, int index) {

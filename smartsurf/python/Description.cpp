@@ -1,7 +1,5 @@
 #include "smartsurf/python/Description.h"
 
-#include "smartsurf/scene/KindRegistry.h"
-
 namespace smartsurf::python {
 
 py::dict option_values(const Environment& environment) {
@@ -14,10 +12,9 @@ py::dict option_values(const Environment& environment) {
 py::dict describe(const Environment& environment) {
   const scene::SceneSpec& scene = environment.scene();
   py::list sensors, actuators, info, positions;
-  for (const scene::SensorSpec& sensor : scene.surface.sensors)
-    for (const scene::SensorChannel& channel : scene::find_sensor_kind(sensor.model)->channels(sensor))
-      sensors.append(
-          py::make_tuple(channel.name, channel.components, channel.minimum, channel.maximum, channel.unit));
+  for (const scene::SensorChannel& channel : scene.surface.observed_channels())
+    sensors.append(
+        py::make_tuple(channel.name, channel.components, channel.minimum, channel.maximum, channel.unit));
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     actuators.append(
         py::make_tuple(channel.name, channel.minimum, channel.maximum, channel.safe_value, channel.unit));

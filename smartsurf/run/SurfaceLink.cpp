@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "smartsurf/scene/KindRegistry.h"
-
 namespace smartsurf::run {
 namespace {
 
@@ -38,15 +36,12 @@ shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode
   config.pitch = scene.surface.pitch;
   config.period_ns = static_cast<std::uint64_t>(std::llround(scene.world.control_period_s * 1e9));
   config.mode = mode == RunMode::kTimeStep ? Mode::kTimeStep : Mode::kPassive;
-  for (const scene::SensorChannel& channel : scene::collect_channels(scene.surface.sensors))
+  for (const scene::SensorChannel& channel : scene.surface.observed_channels())
     config.channels.push_back(
         {channel.name, Direction::kSensor,
          channel.type == scene::SensorChannel::Type::kUint32 ? DType::kU32 : DType::kF32,
          static_cast<std::uint32_t>(channel.components), channel.unit, channel.minimum, channel.maximum,
          channel.no_detection});
-  if (scene.surface.has_empty_cells())
-    config.channels.push_back(
-        {scene::kOccupancyChannel, Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     config.channels.push_back({channel.name, Direction::kActuator, DType::kF32, 1, channel.unit,
                                channel.minimum, channel.maximum, channel.safe_value});
@@ -54,15 +49,6 @@ shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode
   config.positions = cell_positions(scene.surface);
   config.reserved = std::move(reserved);
   return config;
-}
-
-// [row][column]: 1 = cell, 0 = empty. The vector is empty if the surface has no empty cells.
-std::vector<float> occupancy_mask(const scene::SurfaceSpec& surface) {
-  if (!surface.has_empty_cells()) return {};
-  std::vector<float> mask;
-  for (const std::int8_t actuator : surface.actuator_of_cell)
-    mask.push_back(actuator == scene::kEmptyCell ? 0.0F : 1.0F);
-  return mask;
 }
 
 // Calls a function of the protocol that takes the surface's name.
@@ -91,10 +77,9 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
       mode_(mode),
       segment_("/dev/shm/smartsurf." + name),
       endpoint_(create_endpoint(make_surface_config(name, mode, scene, std::move(reserved)))),
-      occupancy_(occupancy_mask(scene.surface)),
+      occupancy_(scene.surface.occupancy()),
       // make_surface_config() lists the sensors first, then the occupancy, then the actuators.
-      first_actuator_channel_(static_cast<int>(scene.surface.sensor_channels().size()) +
-                              (occupancy_.empty() ? 0 : 1)),
+      first_actuator_channel_(static_cast<int>(scene.surface.observed_channels().size())),
       received_(scene.surface.actuator_channels().size(), 0),
       streams_(received_.size() * scene.surface.cell_count() * sizeof(float) >= kMinStreamedBytes) {}
 

@@ -134,6 +134,19 @@ bool SurfaceSpec::has_empty_cells() const {
   return std::ranges::find(actuator_of_cell, kEmptyCell) != actuator_of_cell.end();
 }
 
+std::vector<float> SurfaceSpec::occupancy() const {
+  std::vector<float> mask;
+  if (!has_empty_cells()) return mask;
+  for (const std::int8_t actuator : actuator_of_cell) mask.push_back(actuator == kEmptyCell ? 0.0F : 1.0F);
+  return mask;
+}
+
+std::vector<SensorChannel> SurfaceSpec::observed_channels() const {
+  std::vector<SensorChannel> channels = collect_channels(sensors);
+  if (has_empty_cells()) channels.push_back({.name = kOccupancyChannel});
+  return channels;
+}
+
 std::vector<std::string> SurfaceSpec::sensor_channels() const {
   std::vector<std::string> names;
   for (const SensorChannel& channel : collect_channels(sensors)) names.push_back(channel.name);

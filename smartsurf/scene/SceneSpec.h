@@ -231,6 +231,10 @@ struct SurfaceSpec {
   bool has_hexagonal_tops() const;
   // True if the surface has the occupancy channel. O(cells).
   bool has_empty_cells() const;
+  // The readings of this channel, row-major: 1 for a cell, 0 for an empty one. Empty if no cell is empty.
+  std::vector<float> occupancy() const;
+  // What controllers and learners see: the channels of the sensors and, with empty cells, the occupancy.
+  std::vector<SensorChannel> observed_channels() const;
   Eigen::Vector2d centre(int row, int column) const {
     if (cell_poses.empty()) return {column * pitch, (rows - 1 - row) * pitch};
     const CellPose& pose = cell_poses[index(row, column)];

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/Simulation.h"
 
 namespace smartsurf::simulation {
@@ -14,17 +13,12 @@ void ControllerLink::start_episode(const scene::SceneSpec& scene) {
   common::ControlledSurface surface{spec.rows, spec.columns, scene.world.control_period_s, {}, {}};
   is_whole_.clear();
   whole_readings_.clear();
-  for (const scene::SensorChannel& channel : scene::collect_channels(spec.sensors)) {
+  for (const scene::SensorChannel& channel : spec.observed_channels()) {
     surface.sensors.push_back({channel.name, channel.components, 0.0});
     is_whole_.push_back(channel.type == scene::SensorChannel::Type::kUint32);
     whole_readings_.emplace_back(is_whole_.back() ? cells * channel.components : 0);
   }
-  occupancy_.clear();
-  if (spec.has_empty_cells()) {
-    surface.sensors.push_back({scene::kOccupancyChannel, 1, 0.0});
-    for (const std::int8_t actuator : spec.actuator_of_cell)
-      occupancy_.push_back(actuator == scene::kEmptyCell ? 0.0F : 1.0F);
-  }
+  occupancy_ = spec.occupancy();
   targets_.clear();
   for (const scene::ActuatorChannel& channel : spec.actuator_channels()) {
     surface.actuators.push_back({channel.name, 1, channel.safe_value});

@@ -10,7 +10,6 @@
 
 #include "common/memory/Prefetch.h"
 #include "smartsurf/mesh/SolidLibrary.h"
-#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/simulation/EpisodeRandom.h"
 #include "smartsurf/simulation/Nuisances.h"
 #include "smartsurf/world/StateHash.h"
@@ -124,8 +123,8 @@ std::string Environment::channel_difference(const script::Experiment& other) con
   std::string difference = differ("the actuator channels are", a.actuator_channels(), b.actuator_channels(),
                                   [](const auto&) { return 1; });
   if (difference.empty())
-    difference = differ("the sensor channels are", scene::collect_channels(a.sensors),
-                        scene::collect_channels(b.sensors), [](const auto& c) { return c.components; });
+    difference = differ("the sensor channels are", a.observed_channels(), b.observed_channels(),
+                        [](const auto& c) { return c.components; });
   if (difference.empty())
     difference = differ("the fields of info{} are", info_fields(*experiment_), info_fields(other),
                         [](const auto& field) { return field.size; });
@@ -133,21 +132,18 @@ std::string Environment::channel_difference(const script::Experiment& other) con
 }
 
 void Environment::start_episode(std::uint64_t seed, const Values& values) {
-  const auto is_set = [&](const auto& applied) {
-    return std::ranges::find(values, applied.first, &Values::value_type::first) != values.end();
-  };
   ending_.reset();
   reached_s_.reset();
-  // Only the script knows the values that are no longer set.
   simulation_.reset();
-  if (draws_while_loading_ || !std::ranges::all_of(applied_values_, is_set)) {
+  if (draws_while_loading_) {
     load(seed);
   } else {
     if (declared_) experiment_->mutable_scene() = *declared_;
     experiment_->restart(seed);
   }
+  applied_values_ = values;
   if (!values.empty()) {
-    applied_values_ = values;
+    if (!declared_) declared_ = scene();
     try {
       apply(values, experiment_->mutable_scene());
     } catch (const scene::InputError& error) {
@@ -159,6 +155,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values) {
 
 void Environment::start_simulation() try {
   failed_ = false;
+  occupancy_ = scene().surface.occupancy();
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
                                              /*scripted_actuators=*/!has_controller());
   engine_version_ = simulation_->engine().version();
@@ -482,7 +479,7 @@ void Environment::info(std::span<double> values) {
 
 std::size_t Environment::observation_size() const {
   std::size_t planes = 0;
-  for (const scene::SensorChannel& channel : scene::collect_channels(scene().surface.sensors))
+  for (const scene::SensorChannel& channel : scene().surface.observed_channels())
     planes += channel.components;
   return planes * scene().surface.cell_count();
 }
@@ -491,6 +488,7 @@ void Environment::observe(std::span<float> values) const {
   float* out = values.data();
   for (const scene::ChannelData& channel : simulation().sensors())
     out = std::copy_n(channel.values.data(), channel.values.size(), out);
+  std::ranges::copy(occupancy_, out);
 }
 
 }  // namespace smartsurf::simulation

@@ -140,9 +140,10 @@ class Environment {
   void info(std::span<double> values);
   const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_->metrics(); }
 
-  // The readings of all sensor channels, one after the other, each components × rows × columns.
+  // The readings of the surface's observed_channels(), one after the other, each components × rows × columns.
   std::size_t observation_size() const;
   void observe(std::span<float> values) const;
+  std::span<const float> occupancy() const { return occupancy_; }  // SurfaceSpec::occupancy()
   // How the surface, the channels or the fields of info{} of another environment differ from this one's, one
   // clause; "" if its arrays mean the same.
   std::string channel_difference(const Environment& other) const {
@@ -177,9 +178,11 @@ class Environment {
   EnvironmentOptions options_;
   std::shared_ptr<scene::SolidFactory> solids_;
   std::optional<script::Experiment> experiment_;
-  std::optional<scene::SceneSpec> declared_;  // before the nuisances of an episode, if the scene has any
-  std::unique_ptr<Simulation> simulation_;    // refers to experiment_; null: the episode could not start
-  std::string engine_version_;                // of the latest simulation
+  // Before the nuisances and parameter values of an episode, if there are any.
+  std::optional<scene::SceneSpec> declared_;
+  std::unique_ptr<Simulation> simulation_;  // refers to experiment_; null: the episode could not start
+  std::vector<float> occupancy_;
+  std::string engine_version_;  // of the latest simulation
   std::optional<ControllerLink> controller_;
   bool draws_while_loading_ = false;
   Values set_values_;  // of the next episode

@@ -24,6 +24,13 @@ std::int64_t count_nonfinite(std::span<const float> values) {
   return count;
 }
 
+// Copies the values of world i, `size` in number, if both arrays are there.
+template <class T>
+void copy_world(std::size_t i, std::size_t size, std::span<T> from, std::span<T> to) {
+  if (!from.empty() && !to.empty())
+    std::ranges::copy(from.subspan(i * size, size), to.subspan(i * size, size).begin());
+}
+
 constexpr std::uintptr_t kHugePageBytes = 2U << 20U;
 
 // Makes one huge page of the memory around an address, where the system can. A step of many small worlds
@@ -183,6 +190,7 @@ void EnvironmentBatch::write_state(std::size_t i, std::int64_t nonfinite_actions
   if (!a.success.empty()) a.success[i] = environment.has_succeeded() ? 1 : 0;
   if (!a.time.empty()) a.time[i] = environment.simulation().partial_snapshot().time_s;
   write_objects(i, a);
+  write_targets(i, a);
   if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = nonfinite_actions;
 }
 
@@ -203,9 +211,8 @@ void EnvironmentBatch::reset(std::span<const std::uint64_t> seeds, std::span<con
     try {
       start_episode(i, seeds[i], a);
     } catch (const std::exception& error) {
-      world.start_error = world.error = error.what();
-      world.episode_over = false;
-      write_failed_state(i, a.state);
+      world.error = error.what();
+      fail_to_start(i, error.what(), a.state);
     }
   });
   throw_if_all_failed();
@@ -227,23 +234,32 @@ void EnvironmentBatch::write_objects(std::size_t i, const StateArrays& a) const 
   }
 }
 
+void EnvironmentBatch::write_targets(std::size_t i, const StateArrays& a) const {
+  if (a.targets.empty()) return;
+  auto to = a.targets.subspan(i * action_size_, action_size_).begin();
+  for (const scene::ChannelData& channel : worlds_[i].environment->simulation().actuators())
+    to = std::ranges::copy(channel.values, to).out;
+}
+
 void EnvironmentBatch::observe_objects(const StateArrays& a) const {
   for (std::size_t i = 0; i < worlds_.size(); ++i)
     if (worlds_[i].environment->has_running_episode()) write_objects(i, a);
 }
 
+void EnvironmentBatch::copy_observation(std::size_t i, const StateArrays& from, const StateArrays& to) const {
+  copy_world(i, observation_size_, from.observations, to.observations);
+}
+
 void EnvironmentBatch::copy_state(std::size_t i, const StateArrays& from, const StateArrays& to) const {
-  const auto copy = [i](auto source, auto target, std::size_t size) {
-    if (!source.empty() && !target.empty())
-      std::ranges::copy(source.subspan(i * size, size), target.subspan(i * size, size).begin());
-  };
-  copy(from.observations, to.observations, observation_size_);
+  const auto copy = [i](auto source, auto target, std::size_t size) { copy_world(i, size, source, target); };
+  copy_observation(i, from, to);
   copy(from.info, to.info, info_size_);
   copy(from.seeds, to.seeds, 1);
   copy(from.success, to.success, 1);
   copy(from.nonfinite_actions, to.nonfinite_actions, 1);
   copy(from.objects, to.objects, object_count_ * kObjectStateSize);
   copy(from.time, to.time, 1);
+  copy(from.targets, to.targets, action_size_);
 }
 
 void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const BatchArrays& a) {
@@ -254,13 +270,12 @@ void EnvironmentBatch::end_episodes(std::span<const std::uint8_t> mask, const Ba
     world.start_error.clear();
     try {
       if (finish_episode(i) && !a.state.success.empty()) a.state.success[i] = 1;
-      if (autoreset_ != Autoreset::kSameStep) return;
       copy_state(i, a.state, a.final_state);
-      start_next_episode(i, a);
     } catch (const std::exception& error) {
       world.error = error.what();
       end_failed_episode(i, a);
     }
+    if (autoreset_ == Autoreset::kSameStep) restart_in_same_step(i, a);
   });
 }
 
@@ -284,13 +299,8 @@ void EnvironmentBatch::step(const BatchArrays& a) {
     } catch (const std::exception& error) {
       worlds_[i].error = error.what();
       end_failed_episode(i, a);
-      if (autoreset_ != Autoreset::kSameStep) return;
-      try {
-        start_next_episode(i, a);
-      } catch (const std::exception&) {  // the next step tries again
-        if (!a.state.seeds.empty()) a.state.seeds[i] = worlds_[i].seed;
-      }
     }
+    if (autoreset_ == Autoreset::kSameStep && worlds_[i].episode_over) restart_in_same_step(i, a);
   });
   throw_if_all_failed();
 }
@@ -310,6 +320,16 @@ void EnvironmentBatch::start_next_episode(std::size_t i, const BatchArrays& a) {
   start_episode(i, next_seed(worlds_[i].started_seed), a);
 }
 
+// What the step has written of the ended episode stays, also if the next one cannot start.
+void EnvironmentBatch::restart_in_same_step(std::size_t i, const BatchArrays& a) {
+  try {
+    start_next_episode(i, a);
+  } catch (const std::exception& error) {
+    copy_observation(i, a.final_state, a.state);
+    fail_to_start(i, error.what(), a.state);
+  }
+}
+
 void EnvironmentBatch::end_observed(std::size_t i) {
   if (observer_ != nullptr) observer_->on_end(static_cast<int>(i), *worlds_[i].environment);
 }
@@ -319,7 +339,7 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
   Environment& environment = *world.environment;
   if (!world.start_error.empty()) throw scene::InputError(std::exchange(world.start_error, {}));
   StepResult result;
-  if (world.episode_over && autoreset_ != Autoreset::kDisabled) {
+  if (world.episode_over && autoreset_ == Autoreset::kNextStep) {
     start_next_episode(i, a);
   } else {
     std::span<const float> actions;
@@ -332,19 +352,25 @@ void EnvironmentBatch::step_world(std::size_t i, const BatchArrays& a) {
     if (observer_ != nullptr) observer_->on_step(static_cast<int>(i), environment);
     if (options_.controller) actions = environment.controller_targets();
     world.episode_over = result.terminated || result.truncated;
-    const bool resets = world.episode_over && autoreset_ == Autoreset::kSameStep;
-    const StateArrays& state = resets ? a.final_state : a.state;
+    const StateArrays& state =
+        world.episode_over && autoreset_ == Autoreset::kSameStep ? a.final_state : a.state;
     // Before on_finish, as in Env: it may change what info{} reports.
     write_state(i, count_nonfinite(actions), state);
     if (world.episode_over) {
       const bool succeeded = finish_episode(i);
       if (!state.success.empty()) state.success[i] = succeeded ? 1 : 0;
     }
-    if (resets) start_next_episode(i, a);
   }
   if (!a.rewards.empty()) a.rewards[i] = result.reward;
   if (!a.terminated.empty()) a.terminated[i] = result.terminated ? 1 : 0;
   if (!a.truncated.empty()) a.truncated[i] = result.truncated ? 1 : 0;
+}
+
+// The first step of the episode fails.
+void EnvironmentBatch::fail_to_start(std::size_t i, const std::string& error, const StateArrays& a) {
+  worlds_[i].start_error = error;
+  worlds_[i].episode_over = false;
+  write_failed_state(i, a);
 }
 
 // All but the observation, which stays the last one.
@@ -365,9 +391,7 @@ void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {
   world.final_metrics.clear();
   write_failed_state(i, a.state);
   write_failed_state(i, a.final_state);
-  if (!a.final_state.observations.empty())
-    std::ranges::copy(a.state.observations.subspan(i * observation_size_, observation_size_),
-                      a.final_state.observations.subspan(i * observation_size_).begin());
+  copy_observation(i, a.state, a.final_state);
   if (!a.rewards.empty()) a.rewards[i] = std::numeric_limits<double>::quiet_NaN();
   if (!a.terminated.empty()) a.terminated[i] = 0;
   if (!a.truncated.empty()) a.truncated[i] = 1;

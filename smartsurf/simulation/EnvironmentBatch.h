@@ -38,7 +38,8 @@ struct StateArrays {
   // worlds × object_count() × kObjectStateSize: position, orientation x y z w, velocity, angular velocity of
   // the declared objects; NaN of those that are gone.
   std::span<float> objects;
-  std::span<double> time;  // since the start of the episode, s
+  std::span<double> time;    // since the start of the episode, s
+  std::span<float> targets;  // worlds × actuator channels × rows × columns: the commands in effect, clamped
 };
 
 // The caller's arrays, world by world. An empty span is not written.
@@ -87,7 +88,8 @@ class EnvironmentBatch {
   void reset(std::span<const std::uint64_t> seeds, std::span<const std::uint8_t> mask, const BatchArrays&);
   // Advances every world by one control period. A world that fails ends its episode: truncated, its reward
   // and info NaN, its observation the last one; its next reset() brings it back. Throws if all fail; then
-  // only reset() of all worlds may follow.
+  // only reset() of all worlds may follow. With kSameStep, a world whose next episode cannot start keeps the
+  // results of the ended one, has start_error(), and fails in its next step.
   void step(const BatchArrays&);
   // Ends the episodes of the worlds whose mask is not 0, by a goal or a limit of the caller: after a step()
   // from whose end they still run. Then does with them what step() does at the end of an episode.
@@ -96,6 +98,8 @@ class EnvironmentBatch {
   void observe_objects(const StateArrays&) const;
   // Why the world failed in the latest step() or reset(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
+  // Why the running episode could not start, until its first step, which fails; "" if it did.
+  const std::string& start_error(int index) const { return worlds_[index].start_error; }
   // As Environment's: true also for a world that has failed and was reset in the same step.
   bool has_running_episode(int index) const { return worlds_[index].environment->has_running_episode(); }
 
@@ -148,6 +152,8 @@ class EnvironmentBatch {
   template <class Work>
   void run_worlds(const Work&);
   void write_objects(std::size_t, const StateArrays&) const;
+  void write_targets(std::size_t, const StateArrays&) const;
+  void copy_observation(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;
   [[noreturn]] void throw_error(std::size_t) const;
   void throw_if_all_failed() const;
@@ -161,6 +167,8 @@ class EnvironmentBatch {
   }
   void start_episode(std::size_t, std::uint64_t seed, const BatchArrays&);
   void start_next_episode(std::size_t, const BatchArrays&);
+  void restart_in_same_step(std::size_t, const BatchArrays&);
+  void fail_to_start(std::size_t, const std::string& error, const StateArrays&);
   void end_observed(std::size_t);
   void step_world(std::size_t, const BatchArrays&);
   void end_failed_episode(std::size_t, const BatchArrays&);

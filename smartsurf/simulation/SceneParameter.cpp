@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <optional>
 #include <tuple>
@@ -89,6 +90,16 @@ void set_material(SceneSpec& s, ObjectSpec& o, const double* from) {
   own_material(s, o.material).*member = *from;
 }
 
+// About z, after pitch about y and roll about x. With x upright, the roll counts as 0.
+double yaw_of(const Eigen::Quaterniond& q) {
+  const double sine = 2.0 * (q.w() * q.z() + q.x() * q.y());
+  const double cosine = 1.0 - 2.0 * (q.y() * q.y() + q.z() * q.z());
+  constexpr double kUpright = 1e-6;
+  if (std::hypot(sine, cosine) < kUpright)
+    return std::remainder(2.0 * std::atan2(q.z(), q.w()), 2.0 * std::numbers::pi);
+  return std::atan2(sine, cosine);
+}
+
 constexpr std::array<ObjectField, 10> kObjectFields{{
     {"mass", 1,
      [](const SceneSpec& s, const ObjectSpec& o, double* to) {
@@ -114,13 +125,10 @@ constexpr std::array<ObjectField, 10> kObjectFields{{
        o.orientation.coeffs() = Eigen::Map<const Eigen::Vector4d>(from);
        if (o.orientation.norm() >= 1e-6) o.orientation.normalize();
      }},
-    {"yaw", 1,
-     [](const SceneSpec&, const ObjectSpec& o, double* to) {
-       const Eigen::Quaterniond& q = o.orientation;
-       *to = std::atan2(2.0 * (q.w() * q.z() + q.x() * q.y()), 1.0 - 2.0 * (q.y() * q.y() + q.z() * q.z()));
-     },
-     [](SceneSpec&, ObjectSpec& o, const double* from) {
-       o.orientation = Eigen::AngleAxisd(*from, Eigen::Vector3d::UnitZ());
+    {"yaw", 1, [](const SceneSpec&, const ObjectSpec& o, double* to) { *to = yaw_of(o.orientation); },
+     [](SceneSpec&, ObjectSpec& o, const double* from) {  // roll and pitch stay
+       o.orientation =
+           Eigen::AngleAxisd(*from - yaw_of(o.orientation), Eigen::Vector3d::UnitZ()) * o.orientation;
      }},
     {"velocity", 3, get_vector<&ObjectSpec::velocity>, set_vector<&ObjectSpec::velocity>},
     {"angular_velocity", 3, get_vector<&ObjectSpec::angular_velocity>,

@@ -41,23 +41,22 @@ class MinariCollector(gymnasium.vector.VectorWrapper):
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         for i in range(self.env.num_envs):
             over = bool(terminated[i] or truncated[i])
-            if self._open[i] is None:
-                if self._mode == AutoresetMode.NEXT_STEP:
-                    self._begin(i, observations, infos)
-                continue
             same_step = over and self._mode == AutoresetMode.SAME_STEP
+            resets = same_step or self._open[i] is None and self._mode == AutoresetMode.NEXT_STEP
             if np.isnan(rewards[i]):
                 self._open[i] = None
-            else:
+            elif self._open[i] is not None:
                 last = infos["final_obs"][i] if same_step else _of(observations, i)
                 self._add(i, last, given[i], float(rewards[i]), bool(terminated[i]), bool(truncated[i]))
             if over:
                 self._end(i)
-            if same_step:
+            if resets:
                 self._begin(i, observations, infos)
         return observations, rewards, terminated, truncated, infos
 
     def _begin(self, world: int, observations: Any, infos: dict[str, Any]) -> None:
+        if "error" in infos and infos["_error"][world]:  # it has not started
+            return
         first = _of(observations, world)
         of_each = {name: [values] for name, values in first.items()} if isinstance(first, dict) else [first]
         self._open[world] = self._buffer(id=None, seed=int(infos["seed"][world]), observations=of_each, actions=[])

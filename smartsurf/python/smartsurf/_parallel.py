@@ -91,7 +91,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         self.agents = list(self.possible_agents)
         if self.task is not None:
             _, info = self.task.reset(seed=drawn)
-            self._targets[...] = self.task.worlds._safe
+            self._targets[...] = self.task.worlds._actions[0]
             return self._observations(), self._of_each(info)
         self.simulation.reset(drawn)
         return self._observations(), self._of_each({"seed": self.simulation.seed, "success": self.simulation.success,

@@ -42,7 +42,7 @@ class State:
 
     sensors: readings by channel, worlds × rows × columns or worlds × components × rows × columns. actions: the commands of
     the step by channel, likewise, clamped to the channel's range, with its safe value for NaN; those of the surface's start
-    after a reset. goals: the numbers of Task.goals, worlds × …
+    after a reset. Those of a controller, and after restore(), are safe values in cells without the channel. goals: the numbers of Task.goals, worlds × …
     time: since the start of the episode, s. ticks: the same in steps. period: of a step, s.
     position, orientation (x y z w), velocity, angular_velocity: of the declared objects, worlds × objects × 3 or 4, ascending
     by id; NaN of objects that are gone. info: the values of the script's info{}.
@@ -169,7 +169,7 @@ def planes(state: State) -> Array:
         return state._to(np.zeros((len(state.time), 0, *state._cells), np.float32))
     if len(blocks) == 1:
         return blocks[0]
-    return np.concatenate([np.asarray(block) for block in blocks], axis=1)
+    return state._to(np.concatenate([np.asarray(block) for block in blocks], axis=1))
 
 
 def _to(arrays: str) -> Any:
@@ -324,7 +324,8 @@ class TaskVectorEnv(VectorEnv):
         self._over, self._failed = np.zeros((2, num_envs), np.bool_)
         self._last: dict[str, FloatArray] = {}  # of a task's own observation
         self._object_states = np.zeros((num_envs, self._batch.object_count, 13), np.float32)
-        self._bind(self._object_states, self._time)
+        self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
+        self._bind(self._object_states, self._time, self._actions)
         for name in {*self._fields, "metrics", "error", "final_obs", "final_info"} & task.goals.keys():
             raise ValueError(f"goals: {name}: infos have another value of this name")
         self._limit = (None if task.episode_seconds is None
@@ -332,8 +333,6 @@ class TaskVectorEnv(VectorEnv):
         for name, values in task.parameters.items():
             self.set_parameter(name, values)
         VectorEnv.randomise(self, task.randomise)
-        self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
-        self._safe = _of_channels(self.actuator_channels, "safe")
         self._restart(self._seeds(arguments.get("seed"), self._batch.started_seed), np.ones(num_envs, np.bool_))
         observation = self._observe(self.state())
         self.single_observation_space = self._judge.space(observation, self.single_observation_space)
@@ -349,17 +348,14 @@ class TaskVectorEnv(VectorEnv):
             self._last = {name: values.copy() for name, values in (seen if isinstance(seen, dict) else {"": seen}).items()}
         return seen
 
-    def _restart(self, seeds: list[int], mask: Flags) -> list[int]:
-        """Returns the worlds that could not start."""
+    def _restart(self, seeds: list[int], mask: Flags) -> None:
         failed = self._batch.reset(seeds, mask.astype(np.uint8).tolist())
         self._begin(mask)
         self._failed[failed] = True
-        return failed
 
     def _begin(self, mask: Flags) -> None:
         """After the reset of some worlds."""
         self._judge.draw_goals(self._fields["seed"], mask)
-        self._actions[mask] = self._safe
         self._over[mask] = self._failed[mask] = False
 
     def state(self) -> State:
@@ -386,18 +382,17 @@ class TaskVectorEnv(VectorEnv):
             gymnasium.vector.VectorEnv.reset(self, seed=seed if seed is None else int(seed))
         mask = self._reset_mask(options)
         self._start_recording()
-        failed = self._restart(self._seeds(seed, self._next_seed), mask)
+        self._restart(self._seeds(seed, self._next_seed), mask)
         observation, infos = self._observe(self.state()), _of_worlds(self._task_infos(), mask)
-        self._add_errors(infos, failed)
+        self._add_start_errors(infos, mask)
         return observation, infos
 
     def step(self, actions: ArrayLike | None = None) -> Any:
-        given: Any = actions
         fresh = self._over & (not self._resets_itself) & (self.metadata["autoreset_mode"] != AutoresetMode.DISABLED)
-        self._advance(given)
+        self._advance(actions)
         script_over = self._terminated | self._truncated
-        # None: a controller's are its own.
-        self._actions[...] = self._safe if given is None else _commands(given, self.actuator_channels)
+        if actions is not None:  # those of a controller, and of a start, are in effect
+            np.copyto(self._actions, _commands(actions, self.actuator_channels), where=~fresh[:, None, None, None])
         if fresh.any():
             self._begin(fresh)
         failed = np.isnan(self._rewards)
@@ -430,10 +425,10 @@ class TaskVectorEnv(VectorEnv):
         self._over = over.copy()
         if self._resets_itself and over.any():
             last = observation
-            unstarted = self._restart(self._seeds(None, self._next_seed), over)
+            self._restart(self._seeds(None, self._next_seed), over)
             observation, infos = self._observe(self.state()), self._task_infos()
             infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
-            self._add_errors(infos, unstarted)
+            self._add_start_errors(infos, over)
             final_obs = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(over):
                 final_obs[i] = _of_world(last, int(i))
@@ -537,13 +532,16 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
     def _live_info(self) -> Info:
         return {**self._live.info, **{name: values[0] for name, values in self._judge.goals.items()}}
 
-    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, Info]:
+    def step(self, action: ArrayLike | None = None) -> tuple[Any, float, bool, bool, Info]:
+        """action: None if a controller commands the actuators."""
         if self._live is None:
-            observation, rewards, terminated, truncated, infos = self._envs.step(np.asarray(action)[None])
+            observation, rewards, terminated, truncated, infos = self._envs.step(
+                None if action is None else real_array("the action", action)[None])
             if "error" in infos:
                 raise _core.Error(str(infos["error"][0]))
             return _first(observation), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first_infos(infos)
-        self._live._targets[...] = _commands(action, self._live.actuator_channels)
+        given: Any = action
+        self._live._targets[...] = _commands(real_array("the action", given), self._live.actuator_channels)
         _, closed, _ = self._live.step()
         state = self._live_state()
         judged = self._judge.judge(state)

@@ -75,8 +75,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     the new episode, and `final_obs` and `final_info` the one that has ended, with its `metrics`.
     A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
     reward and the values of info{} are NaN, its observation is the last one, and `error` in place of `metrics` says why.
-    The other worlds go on, and the next reset brings it back. One that cannot start has its `error` in the info of reset() too,
-    and fails in its first step. If all worlds fail, or one with strict=True, step() and reset() raise Error.
+    The other worlds go on, and the next reset brings it back. One that cannot start has its `error` in the info of reset(), with
+    SAME_STEP of the step that resets it, and fails in its first step. If all worlds fail, or one with strict=True, step() and reset() raise Error.
     controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
     actions. It restarts with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
@@ -166,12 +166,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _planes(self) -> list[str]:
         return [channel.name for channel in self.sensor_channels for _ in range(channel.components)]
 
-    def _bind(self, objects: FloatArray | None = None, time: Numbers | None = None) -> None:
+    def _bind(self, objects: FloatArray | None = None, time: Numbers | None = None, targets: FloatArray | None = None) -> None:
         """Tells the batch where to write."""
-        no_objects, no_time = np.zeros(0, np.float32), np.zeros(0)
-        self._batch.bind((*self._state_arrays, no_objects if objects is None else objects,
-                          no_time if time is None else time),
-                         (*self._final_arrays, no_objects, no_time),
+        none, no_time = np.zeros(0, np.float32), np.zeros(0)
+        self._batch.bind((*self._state_arrays, none if objects is None else objects, no_time if time is None else time,
+                          none if targets is None else targets),
+                         (*self._final_arrays, none, no_time, none),
                          self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
 
     def _seeds(self, seed: Any, other: Callable[[int], int]) -> list[int]:
@@ -206,17 +206,18 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             super().reset(seed=seed if seed is None else int(seed))
         mask = self._reset_mask(options)
         self._start_recording()
-        failed = self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
+        self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
         infos = self._infos() if mask.all() else _of_worlds(self._fields, mask)
-        self._add_errors(infos, failed)
+        self._add_start_errors(infos, mask)
         return self._observed(), infos
 
-    def _add_errors(self, infos: Info, failed: list[int]) -> None:
-        """Adds why worlds have not started."""
-        for i in failed:
-            if self._strict:
-                raise _core.Error(f"world {i}: {self._batch.error(i)}")
-            self._add_info(infos, {"error": self._batch.error(i)}, i)
+    def _add_start_errors(self, infos: Info, mask: Flags) -> None:
+        """Adds why worlds of the mask, which were reset, have not started."""
+        for i in map(int, np.flatnonzero(mask)):
+            if error := self._batch.start_error(i):
+                if self._strict:
+                    raise _core.Error(f"world {i}: {error}")
+                self._add_info(infos, {"error": error}, i)
 
     def _start_recording(self) -> None:
         if self._recording is not None and os.getpid() == self._process:
@@ -272,6 +273,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             observations = np.full(self.num_envs, None, object)
             for i in np.flatnonzero(ended):
                 observations[i] = self._final[i].copy()
+            self._add_start_errors(infos, ended)
             infos.update(final_obs=observations, _final_obs=ended, final_info=final, _final_info=ended.copy())
 
     def save(self, world: int) -> bytes:

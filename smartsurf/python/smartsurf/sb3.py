@@ -1,6 +1,7 @@
 """Many worlds as stable-baselines3 has environments: PPO("MlpPolicy", smartsurf.sb3.VecEnv(envs))."""
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -41,7 +42,8 @@ class VecEnv(Batch):
 
     Observations and actions are those of `env`, infos one dict for each world: its values, and at the end of an episode
     `metrics`, `terminal_observation` and `TimeLimit.truncated`. The episode of a world that fails is truncated with reward 0;
-    `error` in place of `metrics` says why, as does a warning."""
+    `error` in place of `metrics` says why, as does a warning. All are copies, also those of an `env` with copy=False, because
+    stable-baselines3 keeps an observation until the step after it."""
 
     def __init__(self, env: VectorEnv):
         if env.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
@@ -54,7 +56,7 @@ class VecEnv(Batch):
         observations, infos = self.env.reset(seed=None if seeds[0] is None else list(seeds))
         self.reset_infos = [_of_world(infos, i) for i in range(self.num_envs)]
         self._reset_seeds()
-        return observations
+        return copy.deepcopy(observations)
 
     def step_async(self, actions: Any) -> None:
         self._actions = actions
@@ -66,14 +68,14 @@ class VecEnv(Batch):
         for i in np.flatnonzero(over):
             each[i] = {**_of_world(infos["final_info"], int(i)), "terminal_observation": infos["final_obs"][i],
                        "TimeLimit.truncated": bool(truncated[i] and not terminated[i])}
-        return observations, finite_rewards(rewards, infos).astype(np.float32), over, each
+        return copy.deepcopy(observations), finite_rewards(rewards, infos).astype(np.float32), over, each
 
 
 def _of_world(infos: dict[str, Any], world: int) -> dict[str, Any]:
-    """The values of one world."""
+    """Copies of the values of one world."""
     out: dict[str, Any] = {}
     for name, values in infos.items():
         if name.startswith("_") or name in ("final_obs", "final_info") or not infos["_" + name][world]:
             continue
-        out[name] = _of_world(values, world) if isinstance(values, dict) else values[world]
+        out[name] = _of_world(values, world) if isinstance(values, dict) else copy.copy(values[world])
     return out

@@ -165,8 +165,7 @@ int surface(ScriptContext& context, lua_State* L) {
   for (const scene::SensorSpec& sensor : spec.sensors)
     if (!spec.skin && sensor.model.starts_with("skin_"))
       throw ScriptError("surface.skin: is absent: must be there for the sensor '" + sensor.name + "'");
-  context.channels = collect_channels(spec.sensors);
-  if (spec.has_empty_cells()) context.channels.push_back({.name = scene::kOccupancyChannel});
+  context.channels = spec.observed_channels();
   return 0;
 }
 

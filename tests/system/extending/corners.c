@@ -27,7 +27,8 @@ static smartsurf_environment* make(const char* text, const char* assignment) {
 
 int main(void) {
   const char* text =
-      "local n = option('n', 4)\nsurface { rows = n, columns = 6, sensors = { colour {} } }\n"
+      "local n = option('n', 4)\nsurface { rows = n, columns = 6, sensors = { colour {} },\n"
+      "  mask = function(r, c) return r + c > 2 end }\n"
       "sphere { radius = 1, position = {2, 2, 3} }\nreward(function(t) return 2 end)\nepisode { seconds = "
       "0.1 }\n";
   EXPECT(strcmp(smartsurf_version(), "") != 0);
@@ -39,11 +40,13 @@ int main(void) {
   EXPECT(state.id[0] == 0 && state.position[2] == 3.0F && state.orientation[3] == 1.0F &&
          state.velocity[2] == 0.0F);
 
-  EXPECT(smartsurf_channel_count(table, SMARTSURF_SENSORS) == 1 &&
+  EXPECT(smartsurf_channel_count(table, SMARTSURF_SENSORS) == 2 &&
          smartsurf_channel_count(table, SMARTSURF_ACTUATORS) == 1);
   smartsurf_channel channel = {.size = sizeof channel};
   EXPECT(smartsurf_get_channel(table, SMARTSURF_SENSORS, 0, &channel) == SMARTSURF_OK);
   EXPECT(strcmp(channel.name, "colour") == 0 && channel.components == 3);
+  EXPECT(smartsurf_get_channel(table, SMARTSURF_SENSORS, 1, &channel) == SMARTSURF_OK);
+  EXPECT(strcmp(channel.name, "occupancy") == 0 && channel.values[0] == 0.0F && channel.values[1] == 1.0F);
   EXPECT(smartsurf_get_channel(table, SMARTSURF_ACTUATORS, 1, &channel) == SMARTSURF_INVALID);
   EXPECT(strcmp(smartsurf_error(), "index = 1: there are 1 channels") == 0);
 

@@ -1,5 +1,6 @@
 """Gymnasium and PettingZoo environments: their own checks, and what this package promises besides."""
 import copy
+import functools
 import gc
 import multiprocessing
 import os
@@ -71,7 +72,18 @@ class Environments(ExperimentTest):
 
 
     def test_a_live_surface_has_the_observations_of_the_simulation_in_this_process(self):
-        path, name = self.script(CROWD), f"gymnasium-{os.getpid()}"
+        self.assert_live_equals_simulated(CROWD)
+
+    def test_a_live_surface_with_empty_cells_has_the_observations_of_the_simulation_in_this_process(self):
+        text = CROWD.replace("surface {", "surface { mask = function(r, c) return r + c > 3 end,")
+        env = smartsurf.Env(self.script(text))
+        self.assertEqual(env.simulation.sensor_channels[-1].name, "occupancy")
+        for occupancy in (env.reset(seed=1)[0][-1], smartsurf.VectorEnv(self.script(text)).reset(seed=1)[0][0, -1]):
+            self.assertEqual(np.argwhere(occupancy == 0).tolist(), [[0, 0], [0, 1], [1, 0]])
+        self.assert_live_equals_simulated(text)
+
+    def assert_live_equals_simulated(self, text):
+        path, name = self.script(text), f"gymnasium-{os.getpid()}"
         here = smartsurf.Env(path)
         expected = [here.reset(seed=3)[0]]
         simulator = subprocess.Popen([os.environ["SMARTSURF"], "run", path, "--shm", name, "--seed", "3", "--until", "0.5"])
@@ -597,7 +609,7 @@ class VectorEnvironments(ExperimentTest):
                 now = infos["seed"].tolist()
                 for i, env in enumerate(singles):
                     env.reset(seed=now[i])
-                over, broken, errors, steps = [False] * 6, [False] * 6, [], 0
+                over, broken, errors, steps = [False] * 6, np.zeros(6, bool), [], 0
                 for tick in range(300):
                     actions = sampled(envs.action_space, tick)
                     observations, rewards, terminated, truncated, infos = envs.step(actions)
@@ -607,10 +619,11 @@ class VectorEnvironments(ExperimentTest):
                     np.testing.assert_array_equal(np.isnan(rewards), failed)
                     errors += [final["error"][i] for i in np.flatnonzero(failed)]
                     self.assertTrue(truncated[failed].all() and not terminated[failed].any())
+                    self.assertTrue(failed[broken].all())  # those that have not started
                     for i, env in enumerate(singles):
                         if failed[i]:
                             self.assertTrue(np.isnan(final["limit"][i]))
-                        elif over[i] and mode == AutoresetMode.NEXT_STEP or broken[i]:  # a reset
+                        elif over[i] and mode == AutoresetMode.NEXT_STEP:  # a reset
                             np.testing.assert_array_equal(env.reset(seed=int(infos["seed"][i]))[0], observations[i])
                             self.assertEqual(rewards[i], 0)
                         else:
@@ -622,6 +635,7 @@ class VectorEnvironments(ExperimentTest):
                         over[i] = terminated[i] or truncated[i]
                         if over[i] and mode == AutoresetMode.SAME_STEP:
                             broken[i] = self.fails_to_start(failing, int(infos["seed"][i]))
+                            self.assertEqual("error" in infos and infos["_error"][i], broken[i])
                             if not broken[i]:
                                 np.testing.assert_array_equal(env.reset(seed=int(infos["seed"][i]))[0], observations[i])
                         else:
@@ -708,6 +722,35 @@ class VectorEnvironments(ExperimentTest):
         strict = smartsurf.VectorEnv(path, 8, seed=0, strict=True)
         with self.assertRaisesRegex(smartsurf.Error, f"world {np.flatnonzero(bad[:8])[0]}: .*early"):
             strict.reset(seed=0)
+
+    def test_an_episode_keeps_its_result_if_the_next_cannot_start(self):
+        ends = "episode { seconds = 2 / 60 }\nreward(function() return 1 end)\non_finish(function() metric('m', 7) end)\n"
+        path = self.script("surface { rows = 2, columns = 2, actuator = pin {} }\n" + ends +
+                           "on_reset(function() assert(random() < 0.6, 'early') end)\n")
+
+        class Ends(smartsurf.Task):
+            script = path
+        for make in (functools.partial(smartsurf.VectorEnv, path), Ends().make_vec):
+            envs = make(12, autoreset_mode=AutoresetMode.SAME_STEP)
+            actions, none = np.zeros(envs.action_space.shape, np.float32), np.zeros(12, bool)
+            _, infos = envs.reset(seed=0)
+            bad, age, ends = infos["_error"], np.zeros(12), 0
+            for tick in range(12):
+                _, rewards, terminated, truncated, infos = envs.step(actions)
+                age += 1
+                over = bad | (age == 2)
+                np.testing.assert_array_equal(np.isnan(rewards), bad)
+                np.testing.assert_array_equal(truncated, over)
+                if over.any():
+                    final, whole = infos["final_info"], over & ~bad
+                    self.assertTrue((rewards[whole] == 1).all())
+                    self.assertTrue(not whole.any() or (final["metrics"]["m"][whole] == 7).all())
+                    np.testing.assert_array_equal(final.get("_error", none), bad)
+                    bad, age[over] = none.copy(), 0
+                    bad[over] = [self.fails_to_start(path, int(seed)) for seed in infos["seed"][over]]
+                    np.testing.assert_array_equal(infos.get("_error", none), bad)
+                    ends += (whole & bad).sum()
+            self.assertGreater(ends, 5)
 
     def test_worlds_of_a_new_environment_that_cannot_start_wait_for_a_reset(self):
         on_reset = "on_reset(function() if math.random(3) == 1 then error('early') end"

@@ -147,6 +147,28 @@ class Parameters(ExperimentTest):
                     one.reset(seed)  # its own values again
                     self.assertEqual(one.state_hash, smartsurf.Simulation(base, seed=seed).state_hash)
 
+    def test_yaw_keeps_roll_and_pitch(self):
+        tilts = {"rod": "pitch = math.pi / 2, yaw = 0.7", "rad": "roll = math.pi / 2", "any": "roll = 1, pitch = 2, yaw = 3"}
+        source = "surface { rows = 8, columns = 8, actuator = pin {} }\n" + "\n".join(
+            f"cylinder {{ radius = 0.4, height = 2, position = {{{2 + i}, 3, 3}}, orientation = {{ {tilt} }}, label = '{label}' }}"
+            for i, (label, tilt) in enumerate(tilts.items()))
+        def turned(changes=(), resets=1):
+            s = smartsurf.Simulation("rods.lua", source=source)
+            for k in range(resets):
+                for i, label in enumerate(changes):
+                    s.set_parameter(f"object.{label}.yaw", changes[label] + resets - 1 - k)
+                s.reset(1)
+            return s
+        plain = turned()
+        read = {label: plain.get_parameter(f"object.{label}.yaw") for label in tilts}
+        self.assertEqual(turned(read).state_hash, plain.state_hash)
+        self.assertAlmostEqual(float(read["rod"]), 0.7)
+        once, later = (turned({label: yaw + 0.4 for label, yaw in read.items()}, resets) for resets in (1, 4))
+        self.assertEqual(once.state_hash, later.state_hash)  # no trace of the values before
+        x, y, z, w = plain.objects["orientation"].T
+        c, s = np.cos(0.2), np.sin(0.2)
+        np.testing.assert_allclose(once.objects["orientation"].T, (c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z), atol=1e-6)
+
     def test_rolling_friction(self):
         text = ("material {{ name = 'ball', rolling_friction = {} }} material {{ name = 'top', rolling_friction = {} }}\n"
                 "surface {{ rows = 4, columns = 20, actuator = pin {{}}, material = 'top' }}\n"

@@ -413,6 +413,32 @@ class Tasks(ExperimentTest):
             type("Mine", (smartsurf.Task,), {name: judge, meant: judge})  # a helper
         type("Mine", (Sensed,), {"goal": (3, 4), "scale": 2, "array": np.zeros(3), "setup": lambda self: 0})
 
+    def test_state_has_the_commands_of_a_controller_and_of_a_restored_world(self):
+        class Commanded(Sensed):
+            def reward(self, s):
+                return s.actions["height"][:, 2:4, 3].sum(axis=1)
+
+            def observation(self, s):
+                return {"box": s.position("box"), "height": s.actions["height"][:, 1:-1, 1:-1]}  # without the border
+
+        program = self.script("while(1)\n  surface.actuate('height', 1.5)\n  surface.step\nendwhile\n", "up.aps")
+        given, controlled = Commanded().make_vec(2), Commanded().make_vec(2, controller=program)
+        one = Commanded().make(controller=program)
+        for envs in (given, controlled, one):
+            envs.reset(seed=3)
+        actions = np.full(given.action_space.shape, 1.5, np.float32)
+        for _ in range(4):
+            *expected, _ = given.step(actions)
+            *stepped, _ = controlled.step()
+            observation, reward, *_ = one.step()
+            for a, b in zip(expected, stepped):
+                self.assert_same(a, b)
+            self.assertEqual(reward, expected[1][0])
+            self.assert_same({name: values[0] for name, values in expected[0].items()}, observation)
+        self.assert_same(given.restore(0, given.save(0)), observation)
+        with self.assertRaisesRegex(ValueError, "the controller commands the actuators: step\\(\\) takes no actions"):
+            one.step(actions[0])
+
     def test_torch(self):
         try:
             import torch
@@ -427,7 +453,7 @@ class Tasks(ExperimentTest):
                         + s.actions["height"].mean(dim=(1, 2)))
 
             def observation(self, s):
-                return torch.cat([s.position("box"), s.yaw("box")[:, None]], dim=1)
+                return torch.cat([s.position("box"), s.yaw("box")[:, None], torch.flatten(smartsurf.planes(s), 1)], dim=1)
         envs, numpy = Tensors().make_vec(3, threads=1), Reach().make_vec(3, threads=1)
         envs.reset(seed=1), numpy.reset(seed=1)
         for tick in range(10):

@@ -1,5 +1,6 @@
 """smartsurf train, its adapters, and networks that command a surface: equal commands wherever a policy runs."""
 import contextlib
+import copy
 import csv
 import importlib.util
 import io
@@ -130,14 +131,14 @@ class Training(ExperimentTest):
             with self.assertRaisesRegex(KeyError, "there is no sensor"):
                 smartsurf.LocalPolicy([name], [("height", 0, 3)], [(np.zeros((1, 1, 5)), [1])])(sensors)
 
-    def network(self, convolutions):
-        random, layers, planes = np.random.default_rng(4), [], 5
+    def network(self, convolutions, planes=5):
+        random, layers, shape = np.random.default_rng(4), [], (planes, 6, 8)
         for units in convolutions:
             layers.append((random.normal(0, 0.4, (units, planes, 3, 3)), random.normal(0, 0.4, units)))
             planes = units
         layers.append((random.normal(0, 0.1, (12, planes * 48)), random.normal(0, 0.4, 12)))
         layers.append((random.normal(0, 0.6, (48, 12)), random.normal(0, 0.6, 48)))
-        return smartsurf.NetworkPolicy(layers, (5, 6, 8), (1, 6, 8), 0, 3, np.full((5, 1, 1), 4))
+        return smartsurf.NetworkPolicy(layers, shape, (1, 6, 8), 0, 3, np.full((shape[0], 1, 1), 4))
 
     @needs_onnx
     def test_networks_of_the_whole_surface_command_the_same_everywhere(self):
@@ -152,6 +153,15 @@ class Training(ExperimentTest):
             self.assertEqual(heights.shape, (6, 8))
             self.assertTrue(0 <= heights.min() < heights.max() <= 3)
             self.assertEqual(self.hash_of_run(script, path), self.hash_of_policy(script, policy))
+
+    @needs_onnx
+    def test_networks_of_a_surface_with_empty_cells_command_the_same_everywhere(self):
+        from smartsurf.onnx_controller import OnnxPolicy
+        script = self.script(PLATE.replace("surface {", "surface { mask = function(r, c) return r < 4 or c < 6 end,"))
+        path, channels = self.folder / "policy.onnx", smartsurf.Simulation(script).sensor_channels
+        self.network((), sum(c.components for c in channels)).export(path)
+        policy = OnnxPolicy(str(path), {c.name: c.components for c in channels}, ("height",))
+        self.assertEqual(self.hash_of_run(script, path), self.hash_of_policy(script, policy))
 
     @needs_onnx
     def test_networks_compute_what_their_layers_say(self):
@@ -620,14 +630,17 @@ class Training(ExperimentTest):
         from stable_baselines3 import PPO
         sb3 = smartsurf.sb3
         script = self.script(PLATE)
-        envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep"))
+        envs = sb3.VecEnv(smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep", copy=False))
         twin = smartsurf.VectorEnv(script, 3, autoreset_mode="SameStep")
         envs.seed(7)
         np.testing.assert_array_equal(envs.reset(), twin.reset(seed=[7, 8, 9])[0])
         random, ended = np.random.default_rng(1), 0
+        observations, infos = None, []
         for _ in range(120):
             actions = random.uniform(0, 3, twin.action_space.shape).astype(np.float32)
-            observations, rewards, over, infos = envs.step(actions)
+            kept = copy.deepcopy((observations, infos))
+            before, (observations, rewards, over, infos) = (observations, infos), envs.step(actions)
+            np.testing.assert_equal(before, kept)  # the next step leaves them alone
             expected, expected_rewards, terminated, truncated, _ = twin.step(actions)
             np.testing.assert_array_equal(observations, expected)
             np.testing.assert_array_equal(rewards, expected_rewards.astype(np.float32))
