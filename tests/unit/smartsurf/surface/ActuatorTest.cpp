@@ -271,6 +271,17 @@ TEST(Rotor, SquareCamStopsAtCommandedAngle) {
   EXPECT_EQ(cells.field().surface_velocity_x[0], 0.0F);
 }
 
+TEST(Rotor, CommandedAngleOfSeveralTurnsIsShownWrapped) {
+  Cells cells(surface_of({actuator("rotor", {{"command", {1}}})}));
+  std::vector<scene::ActuatorState> motion;
+  for (const float angle : {10.0F, -10.0F, 1.0F}) {
+    cells.command(0, angle);
+    cells.run(3.0);
+    cells.array.write_cell_motion(motion);
+    EXPECT_NEAR(motion[7].a, std::remainder(angle, 2 * kPi), 1e-5F);
+  }
+}
+
 TEST(Rotor, VerticalAxleIsTurntable) {
   Cells cells(surface_of({actuator("rotor", {{"axis", {0, 0, 1}}, {"max_acceleration", {1e6}}})}));
   cells.command(0, 5);
