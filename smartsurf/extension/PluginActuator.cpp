@@ -117,7 +117,7 @@ const char* PluginActuator::refused_motion(std::uint32_t cell, const surface::Fi
 void PluginActuator::plan_under_load(std::uint32_t cell, float dt_s, surface::Field& field) noexcept {
   float& speed = field.speed[cell];
   const float room = field.height[cell] - lower_stop_[cell];
-  const bool on_stop = room <= surface::kStopTolerance;
+  const bool on_stop = room <= surface::kStopTolerance * field.pitch;
   speed = std::max(speed, -std::max(room, 0.0F) / dt_s);
   if (on_stop && retry_wait_[cell] > 0.0F) {
     retry_wait_[cell] -= dt_s;
@@ -135,7 +135,7 @@ void PluginActuator::commit(double dt_s, surface::Field& field) noexcept {
   for (const std::uint32_t cell : cells_) {
     float& height = field.height[cell];
     height = std::max(height, lower_stop_[cell]);
-    if (height <= lower_stop_[cell] + surface::kStopTolerance && planned_speed_[cell] > 0.0F &&
+    if (height <= lower_stop_[cell] + surface::kStopTolerance * field.pitch && planned_speed_[cell] > 0.0F &&
         field.speed[cell] <= 0.0F)
       retry_wait_[cell] = surface::kRetryDelay_s;
   }

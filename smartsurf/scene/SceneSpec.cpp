@@ -128,6 +128,17 @@ std::string validate_channels(const SurfaceSpec& s) {
   return validate_channel_names(sensors, s.actuator_channels().size());
 }
 
+// The safe value that every actuator clamps to its own one; that of the first if there is none.
+double common_safe_value(std::span<const ActuatorChannel> shared) {
+  const auto is_common = [&](double value) {
+    return std::ranges::all_of(shared, [value](const ActuatorChannel& c) {
+      return std::clamp(value, c.minimum, c.maximum) == c.safe_value;
+    });
+  };
+  const auto found = std::ranges::find_if(shared, is_common, &ActuatorChannel::safe_value);
+  return (found == shared.end() ? shared.begin() : found)->safe_value;
+}
+
 }  // namespace
 
 bool SurfaceSpec::has_empty_cells() const {
@@ -272,16 +283,20 @@ std::vector<Extension> SurfaceSpec::extensions() const {
 
 std::vector<ActuatorChannel> SurfaceSpec::actuator_channels() const {
   std::vector<ActuatorChannel> all;
+  std::vector<std::vector<ActuatorChannel>> shared;  // by channel, as in `all`: those of the actuators
   for (const ActuatorSpec& actuator : effective_actuators())
     for (const ActuatorChannel& channel : find_actuator_kind(actuator.model)->channels(actuator)) {
       const auto same = std::ranges::find(all, channel.name, &ActuatorChannel::name);
       if (same == all.end()) {
         all.push_back(channel);
+        shared.push_back({channel});
         continue;
       }
       same->minimum = std::min(same->minimum, channel.minimum);
       same->maximum = std::max(same->maximum, channel.maximum);
+      shared[same - all.begin()].push_back(channel);
     }
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].safe_value = common_safe_value(shared[i]);
   return all;
 }
 

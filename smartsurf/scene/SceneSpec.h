@@ -212,7 +212,7 @@ struct SurfaceSpec {
   // The extensions of which the surface has actuators or sensors.
   std::vector<Extension> extensions() const;
   // The channels of the effective actuators. Channels with the same name are merged; the range of a merged
-  // channel is the union of their ranges.
+  // channel is the union of their ranges, its safe value one that all of them clamp to their own, if any.
   std::vector<ActuatorChannel> actuator_channels() const;
   int index(int row, int column) const { return row * columns + column; }
   bool is_border(int row, int column) const {

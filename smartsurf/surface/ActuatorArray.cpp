@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/CellChannels.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/SkinShape.h"
 #include "smartsurf/surface/actuators/ActuatorRegistry.h"
@@ -117,10 +118,12 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
   for (int i = 0; i < surface.cell_count(); ++i)
     if (actuator_of(surface, i / surface.columns, i % surface.columns) != scene::kEmptyCell)
       actuated_cells.push_back(i);
-  faults_ = std::make_unique<ActuatorFaults>(surface, channels_, actuated_cells, map, seed);
-  for (const scene::ActuatorChannel& channel : channels_)
-    commands_.push_back(
-        {std::vector<float>(field_.height.size(), static_cast<float>(channel.safe_value)), {}, true});
+  const scene::CellChannels cell_channels(surface);
+  faults_ = std::make_unique<ActuatorFaults>(surface, channels_, cell_channels, actuated_cells, map, seed);
+  for (std::size_t channel = 0; channel < channels_.size(); ++channel) {
+    std::vector<float> safe = cell_channels.safe_values(channel);
+    commands_.push_back({safe, safe, {}, true});
+  }
   for (Model& model : models_) {
     const auto model_channels = scene::find_actuator_kind(model.spec.model)->channels(model.spec);
     for (std::size_t k = 0; k < model_channels.size(); ++k) {
@@ -128,9 +131,6 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
       const auto channel = static_cast<int>(it - channels_.begin());
       ChannelCommands& commands = commands_[channel];
       commands.runs.insert(commands.runs.end(), model.runs.begin(), model.runs.end());
-      for_each_cell(model.runs, [&](std::size_t i) {
-        commands.values[i] = static_cast<float>(model_channels[k].safe_value);
-      });
       CommandRoute route{.model = model.actuator.get(),
                          .model_channel = static_cast<int>(k),
                          .channel = channel,
@@ -200,7 +200,6 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   assert(first_cell >= 0 && end_cell <= std::ssize(field_.height));
   const scene::ActuatorChannel& info = channels_[channel];
   const auto low = static_cast<float>(info.minimum), high = static_cast<float>(info.maximum);
-  const auto safe = static_cast<float>(info.safe_value);
   ChannelCommands& commands = commands_[channel];
   const auto first_run = std::ranges::upper_bound(commands.runs, first_cell, {}, &CellRun::end);
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
@@ -210,8 +209,9 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   std::atomic<std::uint64_t> replaced = 0, nan = 0;
   std::atomic<bool> changed = false;
   const auto clamp_runs = [&](int begin, int end) {
-    const CommandUpdate update = clamp_commands(runs.subspan(begin, end - begin), {first_cell, end_cell},
-                                                targets.data(), low, high, safe, commands.values.data());
+    const CommandUpdate update =
+        clamp_commands(runs.subspan(begin, end - begin), {first_cell, end_cell}, targets.data(), low, high,
+                       commands.safe.data(), commands.values.data());
     replaced.fetch_add(update.clamped + update.nan, std::memory_order_relaxed);
     nan.fetch_add(update.nan, std::memory_order_relaxed);
     if (update.changed) changed.store(true, std::memory_order_relaxed);

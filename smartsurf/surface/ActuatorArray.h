@@ -26,7 +26,7 @@ class SkinShape;
 
 class ActuatorArray {
  public:
-  // Starts with every cell at rest at its channels' safe values and the border at its fixed height. `seed`
+  // Starts with every cell at rest at its safe values and the border at its fixed height. `seed`
   // selects the faulty cells. `pool` may be null; otherwise it shares the work on large surfaces and must
   // outlive this object. Throws scene::InputError for an invalid fault map or an unknown actuator model.
   explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1,
@@ -42,7 +42,7 @@ class ActuatorArray {
   std::span<const float> targets(int channel) const noexcept { return commands_[channel].values; }
 
   // Sets the commands of the cells starting at `first_cell` (row-major). Clamps them to the channel's range
-  // and replaces NaN by the channel's safe value; returns the number of values changed that way. Cells
+  // and replaces NaN by the cell's safe value; returns the number of values changed that way. Cells
   // without this channel keep their values. Precondition: first_cell + targets.size() ≤ number of cells.
   std::uint64_t set_targets(int channel, std::span<const float> targets, int first_cell = 0) noexcept;
   std::uint64_t set_target(int channel, int row, int column, float target) noexcept;
@@ -78,7 +78,7 @@ class ActuatorArray {
 
  private:
   struct ChannelCommands {
-    std::vector<float> values;
+    std::vector<float> values, safe;
     std::vector<CellRun> runs;  // cells that have the channel, ascending
     bool dirty = false;         // changed since the last delivery to the models
   };

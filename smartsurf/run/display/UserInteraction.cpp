@@ -6,6 +6,8 @@
 #include <string_view>
 #include <utility>
 
+#include "smartsurf/scene/CellChannels.h"
+
 namespace smartsurf::run {
 namespace {
 
@@ -80,13 +82,15 @@ void UserInteraction::apply_fault(const view::Fault& fault, simulation::Simulati
   });
   if (fault.kind == view::FaultKind::kNone) return write_targets(cell, cell.original_targets, simulation);
   const scene::SurfaceSpec& surface = simulation.scene().surface;
-  const std::vector<scene::ActuatorChannel> channels = surface.actuator_channels();
-  const float height = simulation.snapshot().height[surface.index(fault.row, fault.column)];
-  for (std::size_t k = 0; k < channels.size(); ++k) {
+  const scene::CellChannels cell_channels(surface);
+  const int index = surface.index(fault.row, fault.column);
+  for (std::size_t k = 0; k < cell.targets.size(); ++k) {
+    const scene::ActuatorChannel* own = cell_channels.find(k, index);
+    if (own == nullptr) continue;
     if (fault.kind == view::FaultKind::kDead)
-      cell.targets[k] = static_cast<float>(channels[k].safe_value);
-    else if (channels[k].name == kHeightChannel)
-      cell.targets[k] = height;
+      cell.targets[k] = static_cast<float>(own->safe_value);
+    else if (own->name == kHeightChannel)
+      cell.targets[k] = simulation.snapshot().height[index];
   }
   faulty_cells_.push_back(std::move(cell));
 }

@@ -47,7 +47,7 @@ struct RefusedOutput {
 
 // A cell with a force limit on its lower stop, where the frame carries the load: one that cannot leave the
 // stop under its load waits before it tries again.
-inline constexpr float kStopTolerance = 1e-4F;  // u
+inline constexpr float kStopTolerance = 1e-4F;  // pitches
 inline constexpr float kRetryDelay_s = 0.1F;
 
 class Actuator {

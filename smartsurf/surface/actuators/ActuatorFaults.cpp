@@ -21,18 +21,23 @@ double uniform_random(std::uint64_t seed, std::uint64_t counter) {
 
 ActuatorFaults::ActuatorFaults(const scene::SurfaceSpec& surface,
                                std::span<const scene::ActuatorChannel> channels,
-                               std::span<const int> actuated_cells, const FaultMap& map, std::uint64_t seed)
+                               const scene::CellChannels& cell_channels, std::span<const int> actuated_cells,
+                               const FaultMap& map, std::uint64_t seed)
     : cells_(surface.cell_count()), common_latency_(surface.faults.actuator.latency_ticks) {
   for (const scene::ActuatorChannel& channel : channels)
     channels_.push_back({channel, {}, {}, {}, common_latency_});
-  draw_faults(surface.faults.actuator, actuated_cells, seed);
+  draw_faults(surface.faults.actuator, cell_channels, actuated_cells, seed);
   for (const FaultEntry& entry : map.entries())
-    for (ChannelFaults& channel : channels_) {
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      ChannelFaults& channel = channels_[c];
       // Sensors have gains and offsets, too: an entry of all channels means theirs.
       const bool is_of_all = entry.channel.empty() && !needs_actuator_channel(entry.fault) &&
                              std::ranges::count(kActuatorFaults, entry.fault) > 0;
       if (entry.channel != channel.info.name && !is_of_all) continue;
-      apply_entry(map, entry, channel, surface.index(entry.row, entry.column));
+      const std::size_t cell = surface.index(entry.row, entry.column);
+      const scene::ActuatorChannel* own = cell_channels.find(c, cell);
+      if (own == nullptr && is_of_all) continue;
+      apply_entry(map, entry, channel, own == nullptr ? channel.info : *own, cell);
     }
 }
 
@@ -46,8 +51,9 @@ void ActuatorFaults::set_cell(ChannelFaults& channel, std::size_t cell, float ga
 }
 
 // Sorts the cells by hash; the first are stuck, the next dead, the next weak.
-void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec, std::span<const int> actuated_cells,
-                                 std::uint64_t seed) {
+void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec,
+                                 const scene::CellChannels& cell_channels,
+                                 std::span<const int> actuated_cells, std::uint64_t seed) {
   std::vector<int> order(actuated_cells.begin(), actuated_cells.end());
   std::ranges::sort(
       order, {}, [seed](int cell) { return std::pair(draw(seed, static_cast<std::uint64_t>(cell)), cell); });
@@ -59,23 +65,23 @@ void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec, std::span
   for (std::size_t k = 0; k < std::min(weak_end, order.size()); ++k)
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       const int cell = order[k];
-      const scene::ActuatorChannel& info = channels_[c].info;
+      const scene::ActuatorChannel* own = cell_channels.find(c, cell);
+      if (own == nullptr) continue;
       const double stuck_at =
           uniform_random(seed, (c + 1) * 0x100000000ULL + static_cast<std::uint64_t>(cell));
       if (k < stuck_end)
         set_cell(channels_[c], cell, 0.0F,
-                 static_cast<float>(info.minimum + (info.maximum - info.minimum) * stuck_at));
+                 static_cast<float>(own->minimum + (own->maximum - own->minimum) * stuck_at));
       else if (k < dead_end)
-        set_cell(channels_[c], cell, 0.0F, static_cast<float>(info.safe_value));
+        set_cell(channels_[c], cell, 0.0F, static_cast<float>(own->safe_value));
       else
         set_cell(channels_[c], cell, static_cast<float>(spec.weak_gain),
-                 static_cast<float>((1.0 - spec.weak_gain) * info.safe_value));
+                 static_cast<float>((1.0 - spec.weak_gain) * own->safe_value));
     }
 }
 
 void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, ChannelFaults& channel,
-                                 std::size_t cell) {
-  const scene::ActuatorChannel& info = channel.info;
+                                 const scene::ActuatorChannel& own, std::size_t cell) {
   const auto require_value = [&](double low, double high) {
     if (entry.value && *entry.value >= low && *entry.value <= high) return *entry.value;
     map.refuse(entry, "value of '" + entry.fault + "'" +
@@ -84,13 +90,13 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
                           "]");
   };
   if (entry.fault == "stuck") {
-    set_cell(channel, cell, 0.0F, static_cast<float>(require_value(info.minimum, info.maximum)));
+    set_cell(channel, cell, 0.0F, static_cast<float>(require_value(own.minimum, own.maximum)));
   } else if (entry.fault == "dead") {
     if (entry.value) map.refuse(entry, "'dead' takes no value");
-    set_cell(channel, cell, 0.0F, static_cast<float>(info.safe_value));
+    set_cell(channel, cell, 0.0F, static_cast<float>(own.safe_value));
   } else if (entry.fault == "weak") {
     const double gain = require_value(0.0, 1.0);
-    set_cell(channel, cell, static_cast<float>(gain), static_cast<float>((1.0 - gain) * info.safe_value));
+    set_cell(channel, cell, static_cast<float>(gain), static_cast<float>((1.0 - gain) * own.safe_value));
   } else if (entry.fault == "gain" || entry.fault == "offset") {
     const bool is_gain = entry.fault == "gain";
     const auto value = static_cast<float>(is_gain ? require_value(-1e3, 1e3) : require_value(-1e6, 1e6));

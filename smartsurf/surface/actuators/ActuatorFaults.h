@@ -1,8 +1,8 @@
 // Applies the faults of single cells to commands.
 //
 // effective command = gain·command + offset:
-//   stuck  0·c + value
-//   dead   0·c + safe
+//   stuck  0·c + value, in the cell's own range
+//   dead   0·c + safe, the cell's own safe value
 //   weak   g·c + (1 − g)·safe
 //   gain   g·c + offset
 //   offset gain·c + o
@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/CellChannels.h"
 #include "smartsurf/surface/FaultMap.h"
 
 namespace smartsurf::surface {
@@ -24,7 +24,8 @@ class ActuatorFaults {
   // same seed selects the same cells, and a larger fraction selects a superset. Throws scene::InputError for
   // a map entry that is not an actuator fault.
   ActuatorFaults(const scene::SurfaceSpec&, std::span<const scene::ActuatorChannel> channels,
-                 std::span<const int> actuated_cells, const FaultMap&, std::uint64_t seed);
+                 const scene::CellChannels&, std::span<const int> actuated_cells, const FaultMap&,
+                 std::uint64_t seed);
 
   bool has_faults(int channel) const noexcept { return !channels_[channel].gain.empty(); }
   // Latency in control periods: the maximum over the channel's cells, and of one cell.
@@ -46,9 +47,12 @@ class ActuatorFaults {
     std::vector<std::uint16_t> latency;  // rows × columns, control periods; empty: common_latency_ for all
     int max_latency = 0;
   };
-  void draw_faults(const scene::ActuatorFaultSpec&, std::span<const int> actuated_cells, std::uint64_t seed);
+  void draw_faults(const scene::ActuatorFaultSpec&, const scene::CellChannels&,
+                   std::span<const int> actuated_cells, std::uint64_t seed);
   void set_cell(ChannelFaults&, std::size_t cell, float gain, float offset);
-  void apply_entry(const FaultMap&, const FaultEntry&, ChannelFaults&, std::size_t cell);
+  // own: the channel of the cell's own actuator.
+  void apply_entry(const FaultMap&, const FaultEntry&, ChannelFaults&, const scene::ActuatorChannel& own,
+                   std::size_t cell);
 
   std::size_t cells_;
   int common_latency_;

@@ -14,7 +14,7 @@
 namespace smartsurf::surface {
 namespace {
 
-// Objects closer than this to a coil's centre are ignored, u: the field is singular there.
+// Objects closer than this to a coil's centre are ignored, pitches: the field is singular there.
 constexpr float kMinDistance = 0.05F;
 
 class Magnets final : public Actuator {
@@ -26,6 +26,7 @@ class Magnets final : public Actuator {
         strength_(context.number("strength")),
         depth_(context.number("depth")),
         reach_(context.number("reach")),
+        min_distance_(kMinDistance * context.field.pitch),
         max_current_(context.number("max_current")),
         current_(context, 0.0F, RateLimitedLag::kNoRateLimit, context.spec.number("lag")),
         cells_(context) {}
@@ -48,7 +49,7 @@ class Magnets final : public Actuator {
         if (current_[cell] == 0.0F) return;
         const Vector3f from_coil = centre - Vector3f(x, y, field.height[cell] - depth_);
         const float square = from_coil.squaredNorm();
-        if (square > reach_ * reach_ || square < kMinDistance * kMinDistance) return;
+        if (square > reach_ * reach_ || square < min_distance_ * min_distance_) return;
         add_coil_wrench(current_[cell], from_coil, static_cast<float>(object.magnetic_pole), moment,
                         wrenches[b]);
       });
@@ -81,7 +82,7 @@ class Magnets final : public Actuator {
   }
 
   bool single_pole_;
-  float strength_, depth_, reach_, max_current_;
+  float strength_, depth_, reach_, min_distance_, max_current_;
   RateLimitedLag current_;
   CellFinder cells_;
 };

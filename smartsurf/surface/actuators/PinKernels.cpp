@@ -63,12 +63,13 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
 }
 
 CommandUpdate clamp_commands_for_target(std::span<const CellRun> runs, const CellRun& within, float low,
-                                        float high, float safe, float* all_commands) {
+                                        float high, const float* all_safe, float* all_commands) {
   CommandUpdate update;
   for (const CellRun& run : runs) {
     const CellRun cells = common_cells(run, within);
     const std::size_t n = length_of(cells);
     float* const commands = all_commands + cells.begin;
+    const float* const safe = all_safe + cells.begin;
     update += with_vectors_for(n, [=](auto d) HWY_ATTR {
       std::size_t kept = 0, numbers = 0;
       for_each_vector(d, n, [&](std::size_t i, auto done) HWY_ATTR {
@@ -77,7 +78,7 @@ CommandUpdate clamp_commands_for_target(std::span<const CellRun> runs, const Cel
         const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
         const auto in_range = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
         const auto is_number = hn::Eq(command, command);
-        const auto result = hn::IfThenElse(is_number, in_range, hn::Set(d, safe));
+        const auto result = hn::IfThenElse(is_number, in_range, hn::LoadU(d, safe + i));
         numbers += hn::CountTrue(d, hn::AndNot(done, is_number));
         kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
         hn::StoreU(result, d, commands + i);
@@ -159,7 +160,7 @@ HWY_EXPORT(plan_speeds_for_target);
 HWY_EXPORT(advance_pins_for_target);
 
 CommandUpdate clamp_commands(std::span<const CellRun> runs, const CellRun& within, const float* commands,
-                             float low, float high, float safe, float* clamped) noexcept {
+                             float low, float high, const float* safe, float* clamped) noexcept {
   constexpr std::size_t kBlock = 1024;  // about as many cells stay in the L1 cache between the passes
   // Most controllers hold their commands for many steps.
   const auto holds = [&](const CellRun& run) {

@@ -24,10 +24,10 @@ struct CommandUpdate {
 };
 
 // Copies the commands of the cells of the runs that are `within`, clamped to [low, high], with NaN replaced
-// by `safe`. commands: of the cells within.begin to within.end − 1.
+// by the cell's `safe` value. commands: of the cells within.begin to within.end − 1.
 // `commands` may be memory that another process writes: each value is copied before it is checked.
 CommandUpdate clamp_commands(std::span<const CellRun>, const CellRun& within, const float* commands,
-                             float low, float high, float safe, float* clamped) noexcept;
+                             float low, float high, const float* safe, float* clamped) noexcept;
 
 // Sets target = base + command for the cells of the runs. Returns whether any target changed.
 bool update_targets(std::span<const CellRun>, const float* base, const float* commands,

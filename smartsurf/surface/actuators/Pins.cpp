@@ -186,7 +186,7 @@ class Pins final : public Actuator {
   // stop the frame carries the load; a pin that cannot leave the stop under its load waits kRetryDelay_s.
   float plan_under_load(std::size_t i, const MotionProfile& profile, float dt_s, Field& field) noexcept {
     const float speed = std::max(field.speed[i], std::min(planned_speed_[i], 0.0F));
-    const bool on_stop = field.height[i] <= lower_stop(i) + kStopTolerance;
+    const bool on_stop = field.height[i] <= lower_stop(i) + kStopTolerance * field.pitch;
     if (on_stop && planned_speed_[i] > 0.0F && field.speed[i] <= 0.0F) retry_wait_[i] = kRetryDelay_s;
     planned_speed_[i] = profile(target_[i] - field.height[i], speed);
     if (retry_wait_[i] > 0.0F) {

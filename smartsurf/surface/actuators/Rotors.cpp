@@ -84,7 +84,7 @@ class Rotors final : public Actuator {
   bool has_surface_velocity() const noexcept override { return true; }
   void write_cell_motion(std::span<scene::ActuatorState> motion) const noexcept override {
     for (const CellRun& run : command_.runs())
-      for (int i = run.begin; i < run.end; ++i) motion[i].a = angle_[i];
+      for (int i = run.begin; i < run.end; ++i) motion[i].a = wrapped(angle_[i]);
   }
 
   void archive(common::StateArchive& a) override { a(command_, angle_, rate_, next_height_, active_); }
@@ -105,12 +105,15 @@ class Rotors final : public Actuator {
     }
   }
 
+  static float wrapped(float angle) {  // to −π to π
+    return std::remainder(angle, static_cast<float>(2.0 * std::numbers::pi));
+  }
+
   // `speed` is the mean over the step, so that the top meets the shape's support point at the end of the
   // step.
   void plan_cell(int i, float dt_s, Field& field) noexcept {
-    constexpr auto kTwoPi = static_cast<float>(2.0 * std::numbers::pi);
     angle_[i] = angle_control_ ? MotionProfile::advance(angle_[i], rate_[i], command_[i], dt_s)
-                               : std::remainder(angle_[i] + rate_[i] * dt_s, kTwoPi);
+                               : wrapped(angle_[i] + rate_[i] * dt_s);
     const Eigen::Vector3f p = support_point(angle_[i]);
     next_height_[i] = base_[i] + axle_ + p.z();
     field.speed[i] = (next_height_[i] - field.height[i]) / dt_s;

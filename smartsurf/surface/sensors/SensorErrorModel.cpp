@@ -96,12 +96,13 @@ void SensorErrorModel::draw_faults(const scene::ParameterValues& sensor_values,
   for (std::size_t cell = 0; cell < cells_; ++cell) {
     const double drawn = random.uniform(cell);
     for (ChannelState& c : channels_) {
+      const scene::SensorChannel& measured = measured_channel(c);
       if (drawn < dead)
-        set_cell_fault(cell, c, CellState::kDead, 0.0);
+        set_cell_fault(cell, c, CellState::kDead, 0.0, measured);
       else if (drawn < dead + low)
-        set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).minimum);
+        set_cell_fault(cell, c, CellState::kStuck, measured.minimum, measured);
       else if (drawn < dead + low + high)
-        set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
+        set_cell_fault(cell, c, CellState::kStuck, measured.maximum, measured);
     }
   }
 }
@@ -111,19 +112,19 @@ const scene::SensorChannel& SensorErrorModel::measured_channel(const ChannelStat
   return is_mask(c) ? channels_.front().description : c.description;
 }
 
-// `value` is a value of measured_channel(c). A mask is stuck at whether that value is a detection.
-void SensorErrorModel::set_cell_fault(std::size_t cell, ChannelState& c, CellState state, double value) {
+// value: of the channel `of`, which is c or, for a mask, what it masks: the mask is then stuck at whether
+// that value is a detection.
+void SensorErrorModel::set_cell_fault(std::size_t cell, ChannelState& c, CellState state, double value,
+                                      const scene::SensorChannel& of) {
   active_ = true;
   if (c.state.empty()) {
     c.state.assign(cells_, CellState::kWorking);
     c.stuck_value.assign(cells_, 0.0F);
   }
   c.state[cell] = state;
-  const float reading = clamp_to_range(measured_channel(c), value);
-  c.stuck_value[cell] = is_mask(c)
-                            ? static_cast<float>(reading != clamp_to_range(measured_channel(c),
-                                                                           measured_channel(c).no_detection))
-                            : reading;
+  const float reading = clamp_to_range(of, value);
+  c.stuck_value[cell] =
+      &of == &c.description ? reading : static_cast<float>(reading != clamp_to_range(of, of.no_detection));
 }
 
 void SensorErrorModel::load_fault_map(const FaultMap& map) {
@@ -141,15 +142,21 @@ void SensorErrorModel::load_fault_map(const FaultMap& map) {
 void SensorErrorModel::apply_fault(const FaultMap& map, const FaultEntry& entry, ChannelState& c) {
   const int cell = entry.row * columns_ + entry.column;
   const std::string& fault = entry.fault;
-  if (fault == "dead") return set_cell_fault(cell, c, CellState::kDead, 0.0);
-  if (fault == "stuck_low") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).minimum);
-  if (fault == "stuck_high") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
+  const bool is_named = entry.channel == c.description.name;
+  const scene::SensorChannel& of = is_named ? c.description : measured_channel(c);
+  if (fault == "dead") return set_cell_fault(cell, c, CellState::kDead, 0.0, of);
+  if (fault == "stuck_low") return set_cell_fault(cell, c, CellState::kStuck, of.minimum, of);
+  if (fault == "stuck_high") return set_cell_fault(cell, c, CellState::kStuck, of.maximum, of);
   if (fault != "stuck" && fault != "gain" && fault != "offset") {
     if (entry.channel.empty()) return;
     map.refuse_fault(entry, "a sensor", kSensorFaults);
   }
   if (!entry.value) map.refuse(entry, "fault " + quote(fault) + ": needs a value");
-  if (fault == "stuck") return set_cell_fault(cell, c, CellState::kStuck, *entry.value);
+  if (fault == "stuck" && is_named && is_mask(c) && *entry.value != 0.0 && *entry.value != 1.0)
+    map.refuse(entry, "value of 'stuck' = " + scene::format_number(*entry.value) + ": must be 0 or 1");
+  if (fault == "stuck") return set_cell_fault(cell, c, CellState::kStuck, *entry.value, of);
+  if (is_named && c.description.is_exact)
+    map.refuse(entry, "fault " + quote(fault) + ": channel " + quote(entry.channel) + " has no " + fault);
   if (!c.description.is_exact) set_calibration(cell, c, fault == "gain" ? c.gain : c.offset, *entry.value);
 }
 

@@ -63,7 +63,8 @@ class SensorErrorModel {
   void set_calibration(std::size_t cell, const ChannelState&, std::vector<float>& gain_or_offset,
                        double value);
   void load_calibration(const scene::CalibrationFile&);
-  void set_cell_fault(std::size_t cell, ChannelState&, CellState, double value);
+  void set_cell_fault(std::size_t cell, ChannelState&, CellState, double value,
+                      const scene::SensorChannel& of);
   bool is_mask(const ChannelState& c) const { return mask_ >= 0 && &c == &channels_[mask_]; }
   const scene::SensorChannel& measured_channel(const ChannelState&) const;
   void compute_readings(std::uint64_t tick, std::size_t first, std::size_t last) noexcept;

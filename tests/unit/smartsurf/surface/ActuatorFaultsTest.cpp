@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <set>
 
+#include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/ActuatorArray.h"
 
 using namespace smartsurf;
@@ -10,6 +12,7 @@ using namespace smartsurf;
 namespace {
 
 constexpr double kFaultStep = 1.0 / 240;
+const std::string kHeader = "row,column,channel,fault,value\n";
 
 scene::SurfaceSpec pins(int rows, int columns) {
   scene::SurfaceSpec s;
@@ -37,6 +40,18 @@ std::vector<float> heights(const scene::SurfaceSpec& s, float target, std::uint6
   return cells.field().height;
 }
 
+// Two kinds of pins, in alternate columns, that share the channel `height`.
+scene::SurfaceSpec mixed_pins(const std::vector<double>& first, const std::vector<double>& second) {
+  scene::SurfaceSpec s = pins(20, 20);
+  for (const auto& range : {first, second}) {
+    s.actuators.push_back(scene::make_pin_actuator(s.pin));
+    s.actuators.back().values["range"] = range;
+  }
+  for (int i = 0; i < s.cell_count(); ++i) s.actuator_of_cell.push_back(static_cast<std::int8_t>(i % 2));
+  derive_pin_spec(s);
+  return s;
+}
+
 // Indices of the cells whose height differs from `than`.
 std::set<std::size_t> others(const std::vector<float>& heights, float than) {
   std::set<std::size_t> found;
@@ -46,10 +61,9 @@ std::set<std::size_t> others(const std::vector<float>& heights, float than) {
 }
 
 // The message of the InputError that the fault map causes, or "".
-std::string message(const std::string& csv) {
+std::string message(const std::string& csv, const scene::SurfaceSpec& s = pins(4, 5)) {
   try {
-    const scene::SurfaceSpec s = pins(4, 5);
-    const surface::FaultMap map({"faults.csv", csv}, 4, 5);
+    const surface::FaultMap map({"faults.csv", csv}, s.rows, s.columns);
     map.require_channels({"height", "proximity"});
     surface::ActuatorArray(s, map, 1);
   } catch (const scene::InputError& e) {
@@ -57,8 +71,6 @@ std::string message(const std::string& csv) {
   }
   return "";
 }
-
-const std::string kHeader = "row,column,channel,fault,value\n";
 
 }  // namespace
 
@@ -110,6 +122,56 @@ TEST(ActuatorFaults, LatencyDelaysEveryCell) {
     seen.push_back(cells.field().height[0]);
   }
   EXPECT_EQ(seen, (std::vector<float>{1, 1, 3, 3, 3}));
+}
+
+TEST(ActuatorFaults, CellsOfTwoKindsHaveTheirOwnSafeValues) {
+  using Range = std::vector<double>;
+  for (const auto& [first, second] :
+       {std::pair(Range{5, 8}, Range{0, 4}), std::pair(Range{0, 4}, Range{5, 8}),
+        std::pair(Range{2, 8}, Range{0, 6}), std::pair(Range{0, 6}, Range{2, 8})}) {
+    const auto expect = [&](const scene::SurfaceSpec& s, float target, double gain,
+                            const std::string& csv = "") {
+      const std::vector<float> h = heights(s, target, 1, csv);
+      for (std::size_t i = 0; i < 2; ++i) {
+        const Range& own = i == 0 ? first : second;
+        const double command = std::clamp(static_cast<double>(target), own[0], own[1]);
+        EXPECT_FLOAT_EQ(h[i], static_cast<float>(gain > 0 ? gain * command + (1 - gain) * own[0] : own[0]))
+            << csv << i;
+      }
+    };
+    scene::SurfaceSpec s = mixed_pins(first, second);
+    expect(s, std::numeric_limits<float>::quiet_NaN(), 0);
+    expect(s, static_cast<float>(s.actuator_channels()[0].safe_value), 0);
+    expect(s, 6, 0, kHeader + "0,0,height,dead,\n0,1,height,dead,\n");
+    expect(s, 6, 0.5, kHeader + "0,0,height,weak,0.5\n0,1,height,weak,0.5\n");
+    s.faults.actuator.dead_fraction = 1;
+    expect(s, 6, 0);
+    s.faults.actuator = {.weak_fraction = 1, .weak_gain = 0.25};
+    expect(s, 6, 0.25);
+  }
+}
+
+TEST(ActuatorFaults, CellsOfTwoKindsAreStuckInTheirOwnRanges) {
+  scene::SurfaceSpec s = mixed_pins({0, 8}, {1, 2});
+  EXPECT_EQ(message(kHeader + "0,1,height,stuck,7\n", s),
+            "faults.csv:2: value of 'stuck' = 7: must be in [1, 2]");
+  EXPECT_EQ(message(kHeader + "0,0,height,stuck,7\n", s), "");
+  s.faults.actuator.stuck_fraction = 1;
+  const std::vector<float> h = heights(s, 0);
+  double sum[2] = {};
+  for (std::size_t i = 0; i < h.size(); ++i) sum[i % 2] += static_cast<double>(h[i]) / 200;
+  EXPECT_NEAR(sum[0], 4.0, 0.6);
+  EXPECT_NEAR(sum[1], 1.5, 0.08);
+}
+
+// An entry of all channels is one of those that the cell has.
+TEST(ActuatorFaults, EntryWithoutChannelConcernsTheCellsOwn) {
+  scene::SurfaceSpec s = mixed_pins({0, 8}, {1, 2});
+  s.actuators[1] = scene::find_actuator_kind("ball")->default_spec();
+  derive_pin_spec(s);
+  EXPECT_EQ(message(kHeader + "0,1,,stuck,20\n", s), "");
+  EXPECT_EQ(message(kHeader + "0,0,,stuck,20\n", s),
+            "faults.csv:2: value of 'stuck' = 20: must be in [0, 8]");
 }
 
 TEST(FaultMap, FaultsIndividualCells) {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -102,6 +103,25 @@ TEST(Pin, BitIdenticalForAnyThreadCount) {
     EXPECT_GT(alone.back(), 0.0F) << "still moving";
     EXPECT_EQ(wave_of_pins(drive, 2), alone);
     EXPECT_EQ(wave_of_pins(drive, 3), alone);
+  }
+}
+
+// Only on its lower stop is a pin without a force limit, in any unit of length.
+TEST(Pins, LowerStopIsAsNearInAnyUnitOfLength) {
+  for (const double unit : {0.002, 1.0, 100.0}) {
+    scene::SurfaceSpec s = surface_of({actuator("pin", {{"range", {0, 4 * unit}},
+                                                        {"top", {0.8 * unit, 0.8 * unit}},
+                                                        {"max_speed", {20 * unit}},
+                                                        {"max_acceleration", {400 * unit}},
+                                                        {"max_force", {unit}}})});
+    s.pitch = unit;
+    Cells cells(s);
+    cells.command(0, static_cast<float>(0.04 * unit));
+    cells.run(1.0);
+    EXPECT_EQ(cells.field().force_limit[7], static_cast<float>(unit));
+    cells.command(0, 0.0F);
+    cells.run(1.0);
+    EXPECT_EQ(cells.field().force_limit[7], std::numeric_limits<float>::infinity());
   }
 }
 
@@ -251,6 +271,17 @@ TEST(Rotor, SquareCamStopsAtCommandedAngle) {
   EXPECT_EQ(cells.field().surface_velocity_x[0], 0.0F);
 }
 
+TEST(Rotor, CommandedAngleOfSeveralTurnsIsShownWrapped) {
+  Cells cells(surface_of({actuator("rotor", {{"command", {1}}})}));
+  std::vector<scene::ActuatorState> motion;
+  for (const float angle : {10.0F, -10.0F, 1.0F}) {
+    cells.command(0, angle);
+    cells.run(3.0);
+    cells.array.write_cell_motion(motion);
+    EXPECT_NEAR(motion[7].a, std::remainder(angle, 2 * kPi), 1e-5F);
+  }
+}
+
 TEST(Rotor, VerticalAxleIsTurntable) {
   Cells cells(surface_of({actuator("rotor", {{"axis", {0, 0, 1}}, {"max_acceleration", {1e6}}})}));
   cells.command(0, 5);
@@ -334,6 +365,32 @@ TEST(Magnet, PolesAttractAndRepel) {
   object.magnetic_pole = -1;
   EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), -8.0F / 4, 1e-5F);
   EXPECT_EQ(cells.wrench(object, {0, 0, 20}).force.norm(), 0.0F) << "beyond its reach";
+}
+
+// A coil acts as near to it, in pitches, in any unit of length.
+TEST(Magnet, ActsAlikeInAnyUnitOfLength) {
+  for (const double unit : {0.02, 1.0, 100.0}) {
+    scene::SurfaceSpec s = surface_of({actuator("magnet", {{"law", {1}},
+                                                           {"strength", {unit * unit * unit}},
+                                                           {"depth", {0.5 * unit}},
+                                                           {"reach", {6 * unit}},
+                                                           {"top", {0.8 * unit, 0.8 * unit}},
+                                                           {"lag", {0}}})},
+                                      1, 1);
+    s.pitch = unit;
+    Cells cells(s);
+    cells.command(0, 1);
+    cells.run(kDt);
+    scene::ObjectSpec object = box(unit, unit, unit);
+    object.magnetic_pole = 1;
+    const auto force = [&](float distance) {
+      const auto u = static_cast<float>(unit);
+      return cells.wrench(object, {0, 0, (distance - 0.5F) * u}).force.z() / u;
+    };
+    EXPECT_NEAR(force(1.0F), 1.0F, 1e-4F) << unit;
+    EXPECT_NEAR(force(0.1F), 100.0F, 1e-2F) << unit;
+    EXPECT_EQ(force(0.04F), 0.0F) << unit;
+  }
 }
 
 TEST(AirJet, LiftIsDragOfDecayedFlow) {

@@ -136,16 +136,17 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
       const CellRun all[] = {{0, static_cast<int>(n)}};
-      std::vector<float> clamped(n, 1.25F), expected(n);
+      std::vector<float> clamped(n, 1.25F), expected(n), safe(n);
+      for (std::size_t i = 0; i < n; ++i) safe[i] = 0.5F + 0.125F * static_cast<float>(i % 8);
       p.command[n / 2] = std::numeric_limits<float>::quiet_NaN();
       p.command[n / 3] = std::numeric_limits<float>::infinity();
       std::size_t changed = 0;
       for (std::size_t i = 0; i < n; ++i) {
-        expected[i] = std::isnan(p.command[i]) ? 0.75F : std::clamp(p.command[i], 0.5F, 2.0F);
+        expected[i] = std::isnan(p.command[i]) ? safe[i] : std::clamp(p.command[i], 0.5F, 2.0F);
         changed += expected[i] != p.command[i];
       }
       const CommandUpdate replaced =
-          clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data());
+          clamp_commands(all, all[0], p.command.data(), 0.5F, 2.0F, safe.data(), clamped.data());
       const auto nan = static_cast<std::size_t>(
           std::ranges::count_if(p.command, [](float command) { return std::isnan(command); }));
       ASSERT_GT(changed, 0U) << n;
@@ -161,12 +162,13 @@ TEST(PinKernels, ClampCommandsTellsWhetherAnyChanges) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       std::vector<float> held(n, 1.25F);
+      const std::vector<float> safe(n, 0.75F);
       const CellRun all[] = {{0, static_cast<int>(n)}};
       for (std::size_t i = 0; i <= n; ++i) {  // the command of cell i; of none if i = n
         std::vector<float> command = held;
         if (i < n) command[i] = 1.5F;
         const CommandUpdate update =
-            clamp_commands(all, all[0], command.data(), 0.5F, 2.0F, 0.75F, held.data());
+            clamp_commands(all, all[0], command.data(), 0.5F, 2.0F, safe.data(), held.data());
         ASSERT_EQ(update.changed, i < n) << n << ' ' << i;
         ASSERT_EQ(update.clamped + update.nan, 0U);
         ASSERT_EQ(held, command) << n << ' ' << i;
@@ -196,6 +198,7 @@ TEST(PinKernels, RunsOfCells) {
         at = run.end + draw(1, 20);
       }
       std::vector<float> clamped(p.command.size(), 1.25F), expected = clamped, targets = p.target;
+      const std::vector<float> safe(p.command.size(), 0.75F);
       std::size_t replaced = 0;
       bool changed = false;
       for (const CellRun& run : runs)
@@ -208,8 +211,8 @@ TEST(PinKernels, RunsOfCells) {
           changed |= targets[k] != p.base[k] + expected[k];
           targets[k] = p.base[k] + expected[k];
         }
-      ASSERT_EQ(clamp_commands(hit, within, &p.command[static_cast<std::size_t>(first)], 0.5F, 2.0F, 0.75F,
-                               clamped.data())
+      ASSERT_EQ(clamp_commands(hit, within, &p.command[static_cast<std::size_t>(first)], 0.5F, 2.0F,
+                               safe.data(), clamped.data())
                     .clamped,
                 replaced);
       ASSERT_TRUE(same_bits(clamped, expected));

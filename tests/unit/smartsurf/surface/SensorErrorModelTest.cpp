@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "smartsurf/surface/sensors/CounterRandom.h"
 #include "tests/unit/smartsurf/surface/SensorFixture.h"
@@ -318,6 +319,22 @@ TEST(SensorErrorModel, FaultMapAffectsIndividualCells) {
   EXPECT_EQ((std::vector<float>(hit.begin(), hit.begin() + 5)), (std::vector<float>{1, 1, 0, 0, 1}));
 }
 
+// Of an entry that names the mask, the value is the mask's.
+TEST(SensorErrorModel, FaultMapAffectsMaskAlone) {
+  Plate p({});
+  SensorArray s = p.sensors(
+      fault_map("0,1,proximity_hit,stuck,0\n0,2,proximity_hit,stuck,1\n0,3,proximity_hit,stuck_low,\n"
+                "0,4,proximity_hit,stuck_high,\n0,5,proximity_hit,dead,\n"));
+  for (const float z : {p.snapshot.position[0][2], 1e6F}) {
+    p.snapshot.position[0][2] = z;
+    const auto read = p.read(s);
+    const auto hit = s.readings(1);
+    const float truth = z == 1e6F ? 0.0F : 1.0F;
+    EXPECT_EQ((std::vector<float>(hit.begin(), hit.begin() + 6)), (std::vector<float>{truth, 0, 1, 0, 1, 0}));
+    EXPECT_EQ(std::ranges::count(std::span(read).first(6), z == 1e6F ? 8.0F : 3.0F), 6);
+  }
+}
+
 TEST(SensorErrorModel, RejectsInvalidFaultWithOneLine) {
   Plate p({});
   EXPECT_EQ(
@@ -326,4 +343,8 @@ TEST(SensorErrorModel, RejectsInvalidFaultWithOneLine) {
       "gain, offset");
   EXPECT_EQ(error_message_of([&] { p.sensors(fault_map("0,1,proximity,stuck,\n")); }),
             "faults.csv:2: fault 'stuck': needs a value");
+  EXPECT_EQ(error_message_of([&] { p.sensors(fault_map("0,1,proximity_hit,stuck,0.5\n")); }),
+            "faults.csv:2: value of 'stuck' = 0.5: must be 0 or 1");
+  EXPECT_EQ(error_message_of([&] { p.sensors(fault_map("0,1,proximity_hit,gain,2\n")); }),
+            "faults.csv:2: fault 'gain': channel 'proximity_hit' has no gain");
 }
