@@ -33,7 +33,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics27"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics28"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;
@@ -198,7 +198,7 @@ template <class Each>
 void NativeEngine::for_each_awake_support(Each each) const {
   for (const SupportPatches& list : collision_.supports())
     for (const SupportPatch& p : list.patches)
-      for (Index i = p.first; !bodies_.asleep[p.body] && i < p.first + p.count; ++i)
+      for (Index i = p.first; !bodies_.asleep[p.body] && i < p.first + p.count + p.outlier_count; ++i)
         if (list.samples.load[i] > 0.0F) each(p, list.samples, i);
 }
 

@@ -233,6 +233,24 @@ TEST_P(Joints, MotorTurnsWithItsTorqueUpToItsSpeed) {
   EXPECT_NEAR(fixture.speed(hinge), -2.0, 1e-3);
 }
 
+TEST_P(Joints, CoordinateCountsAllTurns) {
+  if (on_bullet()) GTEST_SKIP() << "Bullet takes the nearest turn";
+  for (const double speed : {300.0, -1000.0, 3000.0})
+    for (const int iterations : {4, 10}) {
+      JointFixture f(GetParam());
+      f.scene.world.iterations = iterations;
+      const auto wheel = f.add(cylinder(0.5, 1, {10, 10, 10}));
+      const auto hinge = f.join({.kind = JointKind::kHinge,
+                                 .a = wheel,
+                                 .anchor = {10, 10, 10},
+                                 .axis = Vector3d::UnitZ(),
+                                 .motor = {{.speed = speed, .max_effort = 1e9}}});
+      f.run(1);
+      EXPECT_NEAR(f.coordinate(hinge), speed, 1e-3 * std::abs(speed) + std::abs(speed) * GetParam())
+          << speed << " rad/s, " << iterations;
+    }
+}
+
 TEST_P(Joints, MotorDrivesASliderAlongItsAxis) {
   for (const double target : {-0.5, 2.0})
     for (const bool has_partner : {false, true}) {

@@ -570,4 +570,44 @@ TEST_P(Support, SameBitsForAnyNumberOfThreads) {
   EXPECT_EQ(hashes[0], hashes[1]);
 }
 
+// Bodies tumble on level cells without friction: those that a blow reaches bear what it gives the body,
+// whether or not its face lies on them, and where it does.
+TEST(SupportLoads, AreTheMomentumThatABodyGains) {
+  for (const double dt_s : {1.0 / 60.0, 1.0 / 240.0}) {
+    SCOPED_TRACE(testing::Message() << "step " << dt_s);
+    for_random_fixtures(41, 30, dt_s, [dt_s](PhysicsFixture& fixture, auto draw) {
+      const Eigen::Vector3d at(draw(14, 17), draw(14, 17), 3);
+      const std::array shapes{box({2, 1.5, 1}, at), capsule(0.6, 2, at), cone(1, 1.5, at),
+                              cylinder(0.9, 0.8, at), wedge(at)};
+      auto object = shapes[static_cast<std::size_t>(draw(0, 5))];
+      object.orientation =
+          Eigen::AngleAxisd(draw(0, 3), Eigen::Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1)).normalized());
+      object.mass = 3.0;
+      object.inertia = Eigen::Matrix3d::Identity();  // then the angular momentum is the angular velocity
+      fixture.scene.materials[0].restitution = draw(0, 1) < 0.3 ? 0.0 : 0.2;
+      fixture.scene.materials[0].friction = 0.0;
+      const auto id = fixture.add(object);
+      Eigen::Vector3f before(0, 0, 0), spin_before(0, 0, 0), position = fixture.position(id);
+      fixture.run(1.5, [&] {
+        const auto& field = fixture.cells().field();
+        double load = 0.0;
+        Eigen::Vector2d moment(0, 0);
+        for (std::size_t cell = 0; cell < field.impulse.size(); ++cell) {
+          if (field.impulse[cell] == 0.0F) continue;
+          const double impulse = field.impulse[cell], x = static_cast<double>(cell % 32),
+                       y = 31.0 - static_cast<double>(cell / 32);
+          load += impulse;
+          moment += impulse * Eigen::Vector2d(y - position.y(), position.x() - x);
+        }
+        const Eigen::Vector3f velocity = fixture.velocity(id), spin = fixture.angular_velocity(id);
+        EXPECT_NEAR(load, *object.mass * (velocity.z() - before.z() + kGravity * dt_s), 3e-3);
+        // A load acts anywhere on its cell, and the body moves in the step.
+        const Eigen::Vector2d gained = (spin - spin_before).cast<double>().head<2>();
+        EXPECT_LT((gained - moment).norm(), 1.2 * load + 3e-3);
+        before = velocity, spin_before = spin, position = fixture.position(id);
+      });
+    });
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(CellsWithAndWithoutForceLimit, Support, testing::Values(0.0, 1e5));

@@ -529,6 +529,18 @@ bool add_shares(const SupportPatch& patch, std::span<const Contact> contacts, Su
   return any;
 }
 
+// Appends the cells of points that do not bear as the samples do, and are not among these.
+void add_outliers(const SupportPatch& patch, const SupportPatches& list, std::span<const Contact> contacts,
+                  const BearingContacts& bearing, std::vector<Sample>& samples) {
+  for (const std::int32_t k : std::span(list.points).subspan(patch.first_point)) {
+    const Contact& c = contacts[k];
+    if (bearing.bears(c.separation, bearing.field.column_height()[c.feature_id], c.feature_id) ||
+        std::ranges::find(samples, c.feature_id, &Sample::cell) != samples.end())
+      continue;
+    samples.push_back({c.feature_id, c.anchor.x(), c.anchor.y(), 0, 0, c.separation, 0, 0, 0});
+  }
+}
+
 // Finds out if the cells move, and if they do as one belt.
 void set_motion(const surface::Field& field, std::span<const Sample> samples, SupportPatch& patch) {
   patch.belt_x = samples[0].velocity_x, patch.belt_y = samples[0].velocity_y;
@@ -635,8 +647,10 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       add_samples(field, f, centre, bearing, samples);
   });
   if (footprints > 1) merge_cells(samples);
-  append(samples, has_limits, out.samples);
   patch.count = static_cast<std::int32_t>(samples.size());
+  if (!patch.has_shares && !patch.is_elastic) add_outliers(patch, out, contacts, bearing, samples);
+  patch.outlier_count = static_cast<std::int32_t>(samples.size()) - patch.count;
+  append(samples, has_limits, out.samples);
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
   if (patch.count < 1 || patch.point_count < 2 || (patch.has_shares && !add_shares(patch, contacts, out))) {
     out.samples.resize(patch.first, has_limits);
@@ -645,7 +659,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
     out.patches.pop_back();
     return false;
   }
-  set_motion(field, samples, patch);
+  set_motion(field, std::span(samples).first(patch.count), patch);
   if (patch.is_elastic) add_springs(field, patch, out);
   return true;
 }
@@ -680,7 +694,7 @@ void append_patch(const SupportPatches& from, const SupportPatch& p, SupportPatc
   SupportPatch& copy = to.patches.emplace_back(p);
   copy.first = static_cast<std::int32_t>(to.samples.size());
   copy.first_point = static_cast<std::int32_t>(to.points.size());
-  copy.point_count = 0;
+  copy.point_count = copy.outlier_count = 0;
   to.samples.resize(to.samples.size() + p.count, !to.samples.limit.empty());
   const auto copy_samples = [&](const auto& source, auto& target) {
     std::copy_n(source.begin() + p.first, p.count, target.begin() + copy.first);

@@ -69,7 +69,10 @@ struct PointShare {
 
 struct SupportPatch {
   std::int32_t body = 0;
-  std::int32_t first = 0, count = 0;              // samples, without padding
+  std::int32_t first = 0, count = 0;  // samples, without padding
+  // Samples after those, of the cells under points that the face is tilted away from: they have no weight,
+  // but a blow may load them.
+  std::int32_t outlier_count = 0;
   std::int32_t first_point = 0, point_count = 0;  // in SupportPatches::points
   float z = 0.0F;                                 // of the samples, from the centre of mass
   bool moves = false;                             // whether any of its cells moves or has a surface velocity
@@ -154,7 +157,7 @@ void remove_points_without_share(SupportPatches& list, Remove remove) {
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
                          SupportPatch& to);
 
-// Appends a copy of another list's patch, without its points.
+// Appends a copy of another list's patch, without its points and outliers.
 void append_patch(const SupportPatches& from, const SupportPatch&, SupportPatches& to);
 
 // Prepares the patches for the removal of `body`, as remove_body(ContactList&).

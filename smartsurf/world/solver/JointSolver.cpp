@@ -61,14 +61,16 @@ double compliance_of(const JointEquations::Tree& tree) {
 
 // ---- poses and errors
 
-double JointSolver::coordinate_of(const Joint& j, const Pose& a, const Pose& b) {
+double JointSolver::coordinate_of(const Joint& j, const Pose& a, const Pose& b, double turn) {
   const Quatd frame_b = b.orientation * j.frame_b;
   if (j.kind == scene::JointKind::kSlider)
     return (frame_b * Vec3d::UnitZ())
         .dot(a.position + a.orientation * j.anchor_a - b.position - b.orientation * j.anchor_b);
-  // The turns so far come from the last known angle.
+  // The turns so far come from the last known angle, and in a fast turn from the speed.
+  constexpr double kFastTurn_rad = 0.5 * std::numbers::pi;
+  const double expected = std::abs(turn) < kFastTurn_rad ? j.coordinate : j.coordinate + turn;
   const Quatd q = frame_b.conjugate() * (a.orientation * j.frame_a);
-  return j.coordinate + std::remainder(2.0 * std::atan2(q.z(), q.w()) - j.coordinate, 2.0 * std::numbers::pi);
+  return expected + std::remainder(2.0 * std::atan2(q.z(), q.w()) - expected, 2.0 * std::numbers::pi);
 }
 
 // Linear rows first: along the world's axes, for a slider across its axis; then angular ones.
@@ -106,7 +108,8 @@ JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Quatd& own
   return error;
 }
 
-void JointSolver::build_rows(Joint& j, Block& block) {
+// `elapsed_s`: since the last time.
+void JointSolver::build_rows(Joint& j, Block& block, double elapsed_s) {
   using scene::JointKind;
   const Body &a = bodies_[block.a], &b = bodies_[block.b];
   const Quatd frame_b = b.now.orientation * j.frame_b;
@@ -140,7 +143,8 @@ void JointSolver::build_rows(Joint& j, Block& block) {
                         b.inverse_mass * row_b.head<3>().squaredNorm() +
                         row_b.tail<3>().dot(b.inverse_inertia * row_b.tail<3>().transpose());
   }
-  if (j.has_coordinate()) j.coordinate = coordinate_of(j, a.now, b.now);
+  if (j.has_coordinate())
+    j.coordinate = coordinate_of(j, a.now, b.now, elapsed_s * z.dot(a.angular_velocity - b.angular_velocity));
 }
 
 // ---- velocities
@@ -342,7 +346,7 @@ void JointSolver::begin_trees(const BodyStore& bodies, const SpatialPartition& p
       tree_states_[t].is_active = true;
       joints_[k].force_impulse.setZero();
       joints_[k].effort_impulse = 0.0;
-      build_rows(joints_[k], block);
+      build_rows(joints_[k], block, 0.0);
     }
   }
 }
@@ -538,7 +542,7 @@ void JointSolver::note_springs(IndexRange trees) {
 
 void JointSolver::relax_part(IndexRange trees) {
   for_each_selected(trees, [&](Joint& j, Block& block, double h_s) {
-    build_rows(j, block);
+    build_rows(j, block, h_s);
     if (j.has_coordinate()) set_law(j, block, Stage::kRelax, h_s, block.spring_impulse, 0.0);
   });
   solve_trees(Stage::kRelax, trees);

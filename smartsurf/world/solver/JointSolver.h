@@ -218,7 +218,8 @@ class JointSolver {
   // With this frame and anchor instead of the joint's.
   static RowVector rigid_error(const Joint&, const Quatd& frame_a, const Vec3d& anchor_b, const Pose& a,
                                const Pose& b);
-  static double coordinate_of(const Joint&, const Pose& a, const Pose& b);
+  // `turn`: of a hinge since its last known angle, as its speed tells, rad.
+  static double coordinate_of(const Joint&, const Pose& a, const Pose& b, double turn = 0.0);
   // From the nearer limit; negative beyond it.
   static double room_of(const Joint& j) { return std::min(j.coordinate - j.lower, j.upper - j.coordinate); }
   static Pose pose_of(const BodyStore&, std::int32_t body);
@@ -246,7 +247,7 @@ class JointSolver {
         if (blocks_[k].is_active) each(joints_[k], blocks_[k], tree_states_[t].h_s);
     }
   }
-  void build_rows(Joint&, Block&);
+  void build_rows(Joint&, Block&, double elapsed_s);
   RowVector speeds(const Block&) const;
   void apply(Block&, const RowVector& impulse);
   void set_law(Joint&, Block&, Stage, double h_s, double spring, double slope);

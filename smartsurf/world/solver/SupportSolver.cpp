@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
@@ -365,31 +366,42 @@ std::uint32_t solve_friction(SupportBatch& batch, std::uint32_t lanes, BatchPoin
 }
 
 // Loads that grow linearly over the covered areas do not balance a body that bears on slivers of some cells
-// and covers more of others: kMomentCompliance yields before the slivers bear. Then each point loads its own
-// cell, and what is left is its offset from the middle of the area there.
-void load_cells_of_points(SupportPatches& list, const SupportPatch& p, std::span<const Contact> contacts) {
+// and covers more of others: kMomentCompliance yields before the slivers bear. Nor do they where a blow is to
+// cells that the face is tilted away from. Then each point loads its own cell, and what is left is its offset
+// from the middle of the area there. Returns whether they do.
+bool load_cells_of_points(SupportPatches& list, const SupportPatch& p, std::span<const Contact> contacts,
+                          bool any_load) {
   constexpr double kOffsetTolerance = 0.05;  // u
-  if (!(p.force > 0.0) || std::hypot(p.offset_x, p.offset_y) <= kOffsetTolerance) return;
+  const double offset = std::hypot(p.offset_x, p.offset_y);
+  if (any_load && offset <= kOffsetTolerance) return false;
   SupportSamples& s = list.samples;
-  const auto cells = std::span(s.cell).subspan(p.first, p.count);
+  const std::ptrdiff_t end = p.first + p.count + p.outlier_count;
+  // That of the point's cell; of a cell at the rim, which the face only touches, the nearest.
   const auto sample_of = [&](const Contact& c) {
-    return p.first + (std::ranges::lower_bound(cells, c.feature_id) - cells.begin());
+    std::ptrdiff_t nearest = p.first;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::ptrdiff_t k = p.first; k < end; ++k) {
+      if (s.cell[k] == c.feature_id) return k;
+      const double distance = std::hypot(c.anchor.x() - s.x[k], c.anchor.y() - s.y[k]);
+      if (distance < least) least = distance, nearest = k;
+    }
+    return nearest;
   };
   double offset_x = 0.0, offset_y = 0.0;
   for (const std::int32_t i : points_of(list, p)) {
     const Contact& c = contacts[i];
     if (c.total_normal_impulse == 0.0F) continue;
     const std::ptrdiff_t k = sample_of(c);
-    if (k == p.first + p.count || s.cell[k] != c.feature_id) return;
     const double share = c.total_normal_impulse / p.force;
     offset_x += share * static_cast<double>(c.anchor.x() - s.x[k]);
     offset_y += share * static_cast<double>(c.anchor.y() - s.y[k]);
   }
-  if (std::hypot(p.offset_x, p.offset_y) <= std::hypot(offset_x, offset_y) + kOffsetTolerance) return;
-  std::fill_n(&s.load[p.first], p.count, 0.0F);
+  if (any_load && offset <= std::hypot(offset_x, offset_y) + kOffsetTolerance) return false;
+  std::fill_n(&s.load[p.first], p.count + p.outlier_count, 0.0F);
   for (const std::int32_t i : points_of(list, p))
     if (contacts[i].total_normal_impulse != 0.0F)
       s.load[sample_of(contacts[i])] += contacts[i].total_normal_impulse;
+  return true;
 }
 
 }  // namespace
@@ -506,7 +518,15 @@ void store_loads(SupportPatches& list, SupportPatch& p, std::span<const Contact>
   float load[3] = {};
   if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
   support_kernels().store_loads(samples, load);
-  load_cells_of_points(list, p, contacts);
+  std::fill_n(samples.load + p.count, p.outlier_count, 0.0F);
+  const std::span loads(samples.load, static_cast<std::size_t>(p.count));
+  const double sum = std::accumulate(loads.begin(), loads.end(), 0.0);
+  if (!(p.force > 0.0) || load_cells_of_points(list, p, contacts, sum > 0.0) || samples.limit != nullptr)
+    return;
+  // Steep loads over slivers are differences of great numbers.
+  constexpr double kRounding = 1e-5;
+  if (std::abs(sum - p.force) <= kRounding * p.force) return;
+  for (float& l : loads) l *= static_cast<float>(p.force / sum);
 }
 
 void store_friction(const SupportPatches& list, const SupportPatch& p, std::span<Contact> contacts) {
