@@ -309,6 +309,23 @@ bool is_keyword(std::string_view name) {
   return std::ranges::find(kKeywords, name) != std::end(kKeywords);
 }
 
+std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last) {
+  std::vector<Tokens> list;
+  if (first == last) return list;
+  list.emplace_back();
+  int depth = 0;
+  for (; first != last; ++first) {
+    if (first->is("(") || first->is("[")) ++depth;
+    if (first->is(")") || first->is("]")) --depth;
+    if (depth == 0 && first->is(",")) {
+      list.emplace_back();
+    } else {
+      list.back().push_back(*first);
+    }
+  }
+  return list;
+}
+
 Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_iterator last) {
   int depth = 0;
   return std::find_if(first, last, [&](const Token& token) {

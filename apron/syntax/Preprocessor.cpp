@@ -343,21 +343,4 @@ std::string indexed_name(const Token& name, const Token& index) {
   return fmt::format("{}[{}]", name.text, index.text);
 }
 
-std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last) {
-  std::vector<Tokens> list;
-  if (first == last) return list;
-  list.emplace_back();
-  int depth = 0;
-  for (; first != last; ++first) {
-    if (first->is("(") || first->is("[")) ++depth;
-    if (first->is(")") || first->is("]")) --depth;
-    if (depth == 0 && first->is(",")) {
-      list.emplace_back();
-    } else {
-      list.back().push_back(*first);
-    }
-  }
-  return list;
-}
-
 }  // namespace apron::syntax

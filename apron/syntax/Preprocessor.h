@@ -242,7 +242,4 @@ class Preprocessor {
 // The key of a define of an indexed name: "name[index]".
 std::string indexed_name(const Token& name, const Token& index);
 
-// The ranges between commas outside brackets; none for an empty list.
-std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last);
-
 }  // namespace apron::syntax

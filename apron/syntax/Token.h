@@ -45,6 +45,9 @@ struct Line {
 // The `=` of an assignment, outside brackets; `last` if there is none.
 Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_iterator last);
 
+// The ranges between commas outside brackets; none for an empty list.
+std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last);
+
 // The token as the source writes it.
 std::string spelling(const Token&);
 

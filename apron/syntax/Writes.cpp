@@ -6,8 +6,6 @@
 #include <string_view>
 #include <utility>
 
-#include "apron/syntax/Preprocessor.h"
-
 namespace apron::syntax {
 namespace {
 
