@@ -139,7 +139,7 @@ bool Preprocessor::read_function_body(Location location, std::vector<Line>& body
 // macro's name within its own body is the instruction of that name, if there is one.
 WriteKind Preprocessor::write_kind(const BodyWrites::Call& call, std::size_t argument, const Macro* caller) {
   WriteKind result = WriteKind::kNone;
-  std::set<std::tuple<const Macro*, std::size_t, bool>> seen, next;
+  std::set<std::tuple<MacroTable::Handle, std::size_t, bool>> seen, next;
   const auto visit = [&](const BodyWrites::Call& at, std::size_t index, bool is_element,
                          const Macro* within) {
     const auto defined = defines_.find(at.name);
@@ -147,7 +147,7 @@ WriteKind Preprocessor::write_kind(const BodyWrites::Call& call, std::size_t arg
     const std::string& name = is_renamed ? defined->second.front().text : at.name;
     const MacroTable::Handle macro = macros_.find(name, at.argument_count, at.has_result);
     if (macro != nullptr && !(macro.get() == within && is_builtin(name))) {
-      next.emplace(macro.get(), index, is_element);
+      next.emplace(macro, index, is_element);
     } else if (!is_builtin(name)) {
       result = std::max(result, WriteKind::kUnknown);
     } else if (!at.has_result && options_.written_argument) {
@@ -166,23 +166,23 @@ WriteKind Preprocessor::write_kind(const BodyWrites::Call& call, std::size_t arg
       const auto is_parameter = [&](const BodyWrites::Place& place) {
         return place.name.kind == TokenKind::kParameter && place.name.text == parameter;
       };
-      const BodyWrites& writes = writes_of(*macro);
+      const BodyWrites& writes = writes_of(macro);
       for (const BodyWrites::Place& target : writes.targets)
         if (is_parameter(target))
           result =
               std::max(result, is_element || target.is_element ? WriteKind::kElement : WriteKind::kWhole);
       for (const BodyWrites::Call& inner : writes.calls)
         for (const auto& [number, place] : inner.places)
-          if (is_parameter(place)) visit(inner, number, is_element || place.is_element, macro);
+          if (is_parameter(place)) visit(inner, number, is_element || place.is_element, macro.get());
     }
   }
   return result;
 }
 
-const BodyWrites& Preprocessor::writes_of(const Macro& macro) {
-  const auto found = body_writes_.find(&macro);
-  return found != body_writes_.end() ? found->second
-                                     : body_writes_.emplace(&macro, find_writes(macro.body)).first->second;
+const BodyWrites& Preprocessor::writes_of(const MacroTable::Handle& macro) {
+  const auto [found, is_new] = body_writes_.try_emplace(macro);
+  if (is_new) found->second = find_writes(macro->body);
+  return found->second;
 }
 
 Preprocessor::FunctionWrites Preprocessor::writes_of_function(const Macro& function) {
@@ -251,7 +251,7 @@ void Preprocessor::define_function(Macro function) {
   const bool has_registers = std::ranges::any_of(function.parameters, [](const MacroParameter& parameter) {
     return parameter.type == ArgumentType::kRegister;
   });
-  const bool may_write_program = this->may_write_program(body);
+  const bool may_write_any = may_write_program(body);
   for (const MacroParameter& parameter : function.parameters) {
     const bool is_element_written = writes.elements.contains(parameter.name);
     const bool is_written = writes.names.contains(parameter.name) || is_element_written;
@@ -260,7 +260,7 @@ void Preprocessor::define_function(Macro function) {
     // A register that the function writes may be given as a plane as well, and so may a name of the program
     // that a macro or routine writes.
     if (is_copied && !parameter.is_array && !is_element_written &&
-        (is_written || writes.unknown.contains(parameter.name) || has_registers || may_write_program)) {
+        (is_written || writes.unknown.contains(parameter.name) || has_registers || may_write_any)) {
       meaning[parameter.name] = TokenKind::kLocalName;
       before.push_back(
           copy_line(TokenKind::kLocalName, parameter.name, TokenKind::kParameter, parameter.name, location));

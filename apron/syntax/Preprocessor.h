@@ -175,7 +175,7 @@ class Preprocessor {
     std::set<std::string> labels;
   };
   FunctionWrites writes_of_function(const Macro&);
-  const BodyWrites& writes_of(const Macro&);
+  const BodyWrites& writes_of(const MacroTable::Handle&);
   WriteKind write_kind(const BodyWrites::Call&, std::size_t argument, const Macro* caller);
 
   // Directives.cpp
@@ -228,7 +228,7 @@ class Preprocessor {
   std::map<std::string, OperandKind> operand_kinds_;
   MacroTable macros_;
   std::set<std::string> writing_macros_;  // whose bodies write a name of the program or may run a routine
-  std::map<const Macro*, BodyWrites> body_writes_;
+  std::map<MacroTable::Handle, BodyWrites> body_writes_;
   std::string module_;
   std::vector<MacroTable::Handle> assigning_plainly_;  // defined before the last `!operator(=, …)`
   bool original_ = false;

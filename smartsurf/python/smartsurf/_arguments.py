@@ -38,7 +38,7 @@ def positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text}: must be a finite number above 0")
 
 
-def not_negative(text: str) -> float:
+def non_negative(text: str) -> float:
     """The type of an argument that is a number, 0 or above."""
     if 0 <= _number(text) < math.inf:
         return float(text)

@@ -22,7 +22,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-from ._arguments import Parser, not_negative, positive, share, whole
+from ._arguments import Parser, non_negative, positive, share, whole
 from ._printable import guard_output, printable
 
 
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     of_ppo.add_argument("--minibatches", type=whole(1), default=4, help="of an epoch [4]")
     of_ppo.add_argument("--sequence", type=whole(1), default=24, help="decisions through which gradients of memory go back [24]")
     of_ppo.add_argument("--clip", type=positive, default=0.2, help="of ratios [0.2]")
-    of_ppo.add_argument("--entropy", type=not_negative, default=0.0, help="weight of the entropy [0]")
+    of_ppo.add_argument("--entropy", type=non_negative, default=0.0, help="weight of the entropy [0]")
     of_ppo.add_argument("--learning-rate", type=positive, default=1e-2, help="of the policy [0.01], which falls to 0")
     of_ppo.add_argument("--exploration", type=positive, default=0.5, help="deviation of commands at the start, of half their range [0.5]")
     of_ppo.add_argument("--together", type=share, default=0.9,

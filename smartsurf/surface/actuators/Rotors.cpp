@@ -105,7 +105,7 @@ class Rotors final : public Actuator {
     }
   }
 
-  static float wrapped(float angle) {  // to −π to π
+  static float wrapped(float angle) {  // into −π to π
     return std::remainder(angle, static_cast<float>(2.0 * std::numbers::pi));
   }
 

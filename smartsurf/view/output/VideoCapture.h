@@ -18,8 +18,8 @@ class VideoCapture {
   const std::string& file() const { return file_; }
   // True if a frame is due at that simulated time; then call add().
   bool frame_due(double time_s) const { return time_s >= next_frame_s_ - 1e-6; }
-  // Adds a frame, and for the time since the one before that one again; one of another size (after a resize)
-  // is cropped, or framed in black.
+  // Adds a frame; the previous one stands until its time. A frame of another size (after a resize) is
+  // cropped, or framed in black.
   void add(const common::Image& image, double time_s);
   void finish() { encoder_.finish(); }
 

@@ -72,7 +72,10 @@ class Neighbours {
   // In descending order.
   template <class Visit>
   void for_each(std::size_t body, Visit visit) const {
-    for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next) visit(neighbours_[k].manifold);
+    any_of(body, [&](std::int32_t manifold) {
+      visit(manifold);
+      return false;
+    });
   }
   template <class Is>
   bool any_of(std::size_t body, Is is) const {
@@ -125,13 +128,13 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
   return may_continue(*bodies.shape[other], bodies.axes[other].transpose() * (point - bodies.origin(other)));
 }
 
-// False if the body slides at no point of the manifold, as the motion of the bodies alone tells: most are at
-// rest.
+// False if the body slides at no point of the pair, as the motion of the two bodies tells without a look at
+// their contacts: most bodies are at rest.
 bool may_slide(const BodyStore& bodies, std::int32_t body, const Manifold& m) {
   const std::int32_t other = m.a == body ? m.b : m.a;
   Vec3 relative = bodies.velocity(body);
   float turning = 0.0F;
-  if (other >= 0 && bodies.is_active(other)) {
+  if (bodies.is_active(other)) {
     // Points that either body may have are well within this of the other's centre of mass, u.
     const float reach = 2.0F * ((bodies.position[body] - bodies.position[other]).norm() +
                                 bodies.bounding_radius[body] + bodies.bounding_radius[other]);
@@ -235,8 +238,8 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   for (Touched& one : touched)
     for (const Contact& c : one.contacts) {
       const Vec3 point = bodies.position[one.manifold->a] + c.anchor,
-                 speed = velocity_at(bodies, one.other, point);
-      const float sliding = (bodies.velocity(i) - speed).norm();
+                 velocity = velocity_at(bodies, one.other, point);
+      const float sliding = (bodies.velocity(i) - velocity).norm();
       if (sliding < kSliding) continue;
       const float together = std::max(kTogether, kTogetherShare * sliding);
       // The contact's point may be on the body, as far away as it travels in a step.
@@ -247,7 +250,7 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
         const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
         if (next.other == one.other || are_fixed || (one.is_under && next.is_under)) continue;
         // The body slides over both if these move together at the point.
-        if ((velocity_at(bodies, next.other, point) - speed).norm() >= together) continue;
+        if ((velocity_at(bodies, next.other, point) - velocity).norm() >= together) continue;
         if (may_continue(bodies, next.other, point) ||
             (is_of_body && may_continue(bodies, next.other, on_other)))
           one.is_under = next.is_under = true;

@@ -66,7 +66,7 @@ double JointSolver::coordinate_of(const Joint& j, const Pose& a, const Pose& b, 
   if (j.kind == scene::JointKind::kSlider)
     return (frame_b * Vec3d::UnitZ())
         .dot(a.position + a.orientation * j.anchor_a - b.position - b.orientation * j.anchor_b);
-  // The turns so far come from the last known angle, and in a fast turn from the speed.
+  // The turns so far come from the last known angle and, where that is too far away to tell, from the speed.
   constexpr double kFastTurn_rad = 0.5 * std::numbers::pi;
   const double expected = std::abs(turn) < kFastTurn_rad ? j.coordinate : j.coordinate + turn;
   const Quatd q = frame_b.conjugate() * (a.orientation * j.frame_a);
@@ -108,7 +108,7 @@ JointSolver::RowVector JointSolver::rigid_error(const Joint& j, const Quatd& own
   return error;
 }
 
-// `elapsed_s`: since the last time.
+// `elapsed_s`: since they were built last.
 void JointSolver::build_rows(Joint& j, Block& block, double elapsed_s) {
   using scene::JointKind;
   const Body &a = bodies_[block.a], &b = bodies_[block.b];

@@ -319,7 +319,7 @@ TEST(SensorErrorModel, FaultMapAffectsIndividualCells) {
   EXPECT_EQ((std::vector<float>(hit.begin(), hit.begin() + 5)), (std::vector<float>{1, 1, 0, 0, 1}));
 }
 
-// Of an entry that names the mask, the value is the mask's.
+// An entry that names the mask gives a value of the mask.
 TEST(SensorErrorModel, FaultMapAffectsMaskAlone) {
   Plate p({});
   SensorArray s = p.sensors(
