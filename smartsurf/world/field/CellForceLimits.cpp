@@ -17,6 +17,13 @@ constexpr float kUsedUp = 0.999F;
 constexpr float kResolvedPerStep = 0.1F;
 // Fraction of a cell's force limit that its bodies share evenly. The rest is shared by demand.
 constexpr float kEvenFraction = 0.02F;
+// Below it products of impulses underflow. A cell without any force bears this: its contacts need an impulse
+// to make it yield.
+constexpr float kLeastForce = 1e-30F;  // in the units of the field
+
+float force_limit_of(const surface::Field& field, std::size_t cell) {
+  return std::max(field.force_limit[cell], kLeastForce);
+}
 
 }  // namespace
 
@@ -82,7 +89,7 @@ void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s,
   for (const Manifold& m : static_contacts.manifolds)
     for_each_limited(field, static_contacts, m, [&](Contact& c, int k) {
       const BodyOnCell& body = bodies_on_cells_[body_of_contact_[k]];
-      c.max_cell_impulse = field.force_limit[body.cell] * dt_s;
+      c.max_cell_impulse = force_limit_of(field, body.cell) * dt_s;
       if (body_count_[body.cell] == 1) return;
       const float even_share = 1.0F / static_cast<float>(body_count_[body.cell]);
       const float by_demand = load_[body.cell] > 0.0F ? body.demand / load_[body.cell] : even_share;
@@ -123,7 +130,7 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       const bool yields = body_load_[cell] >= kYieldingLoad * capacity_of(body) &&
                           load_[cell] >= kYieldingLoad * capacity_[cell];
       const float motor_speed =
-          field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));
+          field.no_load_speed[cell] * (1.0F - load_[cell] / (force_limit_of(field, cell) * dt_s));
       if (yields) field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
       // A cell does not rise into its load, whose other cells may bear all that it needs.
       field.speed[cell] = std::min(field.speed[cell], yields ? following : std::max(following, 0.0F));

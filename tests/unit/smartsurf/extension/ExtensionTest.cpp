@@ -169,16 +169,20 @@ TEST(Extension, OutputsThatAreNoNumbersEndTheRun) {
 }
 
 TEST(Extension, OverloadedCellsRestOnTheirLowerStop) {
-  for (const char* speed : {"0", "0.5", "-3"}) {
-    simulation::Environment environment =
-        make(std::string("surface { rows = 8, columns = 8, actuator = presser { height = 0.5, speed = ") +
-             speed + " } } box { size = {3, 3, 1}, mass = 10, position = {3.5, 3.5, 1.01} }");
-    for (int tick = 0; tick < 240; ++tick) {
-      environment.step();
-      ASSERT_GE(std::ranges::min(environment.simulation().snapshot().height), 0.5F) << speed;
-    }
-    EXPECT_NEAR(height_of_ball(environment), 1.0F, 0.02F) << speed;
-  }
+  for (const char* force : {"0.1", "1e-37", "0"})
+    for (const char* speed : {"0", "0.5", "-3"})
+      for (const char* z : {"1.01", "3"}) {  // rising cells meet the box on their stop and above it
+        const std::string subject = std::string(force) + ", " + speed + ", " + z;
+        simulation::Environment environment =
+            make(std::string("surface { rows = 8, columns = 8, actuator = presser { height = 0.5, speed = ") +
+                 speed + ", force = " + force +
+                 " } } box { size = {3, 3, 1}, mass = 10, position = {3.5, 3.5, " + z + "} }");
+        for (int tick = 0; tick < 240; ++tick) {
+          environment.step();
+          ASSERT_GE(std::ranges::min(environment.simulation().snapshot().height), 0.5F) << subject;
+        }
+        EXPECT_NEAR(height_of_ball(environment), 1.0F, 0.02F) << subject;
+      }
 }
 
 TEST(Extension, HeightsOutOfRangeNameTheActuatorAndTheField) {
