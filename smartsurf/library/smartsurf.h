@@ -83,8 +83,9 @@ SMARTSURF_API smartsurf_status smartsurf_reset(smartsurf_environment* environmen
  * environment. */
 SMARTSURF_API smartsurf_status smartsurf_save(smartsurf_environment* environment, const void** bytes,
                                               size_t* count);
-/* Continues from a state of any environment of the same experiment, options, extensions and version: with the
- * same bits. Bytes that are damaged or of another experiment change nothing. */
+/* Continues from a state of any environment of the same experiment, options, extensions and version, whose
+ * script has read the same files while it loaded: with the same bits. Bytes that are damaged or of another
+ * experiment change nothing. */
 SMARTSURF_API smartsurf_status smartsurf_restore(smartsurf_environment* environment, const void* bytes,
                                                  size_t count);
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/files/FileKind.h"
+#include "common/hash/Fnv.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/Interpreter.h"
 #include "smartsurf/script/lua/MeteredLibrary.h"
@@ -143,6 +144,7 @@ struct Experiment::Impl {
     interpreter.call(0, 0, budget, session.spec.file);
     if (session.options.savable) call_unlimited(guarded<number_library>);
     call_unlimited(guarded<bind_loaded_extensions>);
+    if (session.options.savable) session.files_hash = common::kFnvBasis;
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, budget, session.spec.file);
     validate_declarations(session);

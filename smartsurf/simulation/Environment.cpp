@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <iterator>
 
@@ -18,10 +19,11 @@ namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '8'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '9'};
+  std::uint64_t hash = 0;  // of all that follows, to the end of the state
   std::uint64_t fingerprint = 0, seed = 0;
-  std::uint64_t hash = 0;  // of all that follows
 };
+constexpr std::size_t kHashed = offsetof(Header, fingerprint);
 
 std::uint64_t hash_of(std::string_view text) {
   world::StateHash hash;
@@ -30,6 +32,36 @@ std::uint64_t hash_of(std::string_view text) {
   hash.add(words);
   hash.add(static_cast<std::uint32_t>(text.size()));
   return hash.value();
+}
+
+// Stands for the files of meshes, which may refer to others.
+std::uint64_t hash_of(const scene::Solid& solid) {
+  std::string bytes;
+  common::StateArchive archive(bytes);
+  const auto add = [&archive](std::vector<Eigen::Vector3f> points) {
+    for (Eigen::Vector3f& p : points) archive.bytes(p.data(), 3 * sizeof(float));
+  };
+  add(solid.vertices);
+  for (const scene::ConvexHull& hull : solid.hulls) add(hull.vertices);
+  for (const double number : solid.inertia.reshaped()) archive.value(number);
+  archive.value(solid.volume);
+  return hash_of(bytes);
+}
+
+// Differs for everything that makes a saved state useless but for the engine: another script, file or option.
+std::uint64_t fingerprint_of(const script::Experiment& experiment) {
+  const scene::SceneSpec& scene = experiment.scene();
+  std::string text = scene.source;
+  for (const scene::OptionSpec& option : scene.options) text += '\0' + option.name + '=' + option.value;
+  for (const scene::Variation& v : experiment.variations()) text += '\0' + v.name + '=' + to_text(v);
+  for (const scene::Extension& extension : scene.surface.extensions())
+    text += '\0' + extension.name + '=' + extension.hash;
+  const scene::Solid* last = nullptr;
+  for (const scene::ObjectSpec& object : scene.objects) {
+    if (object.solid && object.solid.get() != last) text += '\0' + std::to_string(hash_of(*object.solid));
+    last = object.solid.get();
+  }
+  return hash_of(text) ^ experiment.state_fingerprint();
 }
 
 // Sets the parameters in the scene. Throws scene::InputError, one clause.
@@ -77,14 +109,14 @@ class Prefetch {
 Environment::Environment(EnvironmentOptions options, Start start)
     : options_(std::move(options)),
       solids_(std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder())) {
-  load(options_.seed);
+  adopt(loaded(options_.seed));
   Nuisances::check(scene(), experiment_->variations());
   if (start == Start::kNow) start_simulation();
 }
 
 Environment::~Environment() = default;
 
-void Environment::load(std::optional<std::uint64_t> seed) {
+script::Experiment Environment::loaded(std::optional<std::uint64_t> seed) const {
   script::LoadOptions load_options;
   load_options.overrides = options_.overrides;
   load_options.seed = seed;
@@ -94,8 +126,13 @@ void Environment::load(std::optional<std::uint64_t> seed) {
   load_options.savable = true;
   script::Experiment experiment = script::Experiment::load(options_.experiment, std::move(load_options));
   if (options_.fixed_channels && experiment_) require_same_channels(experiment);
+  return experiment;
+}
+
+void Environment::adopt(script::Experiment experiment) {
   simulation_.reset();
   experiment_.emplace(std::move(experiment));
+  fingerprint_ = fingerprint_of(*experiment_);
   applied_values_.clear();
   draws_while_loading_ = experiment_->has_drawn();
   declared_.reset();
@@ -131,12 +168,14 @@ std::string Environment::channel_difference(const script::Experiment& other) con
   return difference;
 }
 
-void Environment::start_episode(std::uint64_t seed, const Values& values) {
+void Environment::start_episode(std::uint64_t seed, const Values& values,
+                                std::optional<script::Experiment> experiment) {
   ending_.reset();
   reached_s_.reset();
   simulation_.reset();
-  if (draws_while_loading_) {
-    load(seed);
+  if (draws_while_loading_ && !experiment) experiment = loaded(seed);
+  if (experiment) {
+    adopt(std::move(*experiment));
   } else {
     if (declared_) experiment_->mutable_scene() = *declared_;
     experiment_->restart(seed);
@@ -299,16 +338,6 @@ bool Environment::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) 
   return running().set_wrench(id, wrench);
 }
 
-// Differs for everything that makes a saved state useless: another program, script or option.
-std::uint64_t Environment::fingerprint() const {
-  std::string text = engine_version_ + '\0' + scene().source;
-  for (const scene::OptionSpec& option : scene().options) text += '\0' + option.name + '=' + option.value;
-  for (const scene::Variation& v : experiment_->variations()) text += '\0' + v.name + '=' + to_text(v);
-  for (const scene::Extension& extension : scene().surface.extensions())
-    text += '\0' + extension.name + '=' + extension.hash;
-  return hash_of(text) ^ experiment_->state_fingerprint();
-}
-
 void Environment::refuse_controller(const char* call) const {
   if (options_.controller)
     throw scene::InputError(scene().file + ": " + call + ": the state of a controller cannot be saved");
@@ -317,16 +346,19 @@ void Environment::refuse_controller(const char* call) const {
 std::string Environment::save() {
   refuse_controller("save");
   Simulation& s = running();
-  std::string payload;
-  common::StateArchive archive(payload);
+  std::string bytes(sizeof(Header), '\0');
+  common::StateArchive archive(bytes);
   archive(applied_values_, ending_, reached_s_);
   experiment_->save(archive);
   s.archive(archive);
-  Header header{.fingerprint = fingerprint(), .seed = seed(), .hash = hash_of(payload)};
-  std::string bytes(reinterpret_cast<const char*>(&header), sizeof header);
-  return bytes += payload;
+  Header header{.fingerprint = fingerprint_ ^ hash_of(engine_version_), .seed = seed()};
+  std::memcpy(bytes.data(), &header, sizeof header);
+  header.hash = hash_of(std::string_view(bytes).substr(kHashed));
+  std::memcpy(bytes.data(), &header, sizeof header);
+  return bytes;
 }
 
+// Changes nothing until the whole state is known to be of this experiment.
 void Environment::restore(std::string_view bytes) {
   refuse_controller("restore");
   Header header;
@@ -334,22 +366,25 @@ void Environment::restore(std::string_view bytes) {
   const std::string prefix = scene().file + ": restore: ";
   if (bytes.size() < sizeof header || (start(header), header.magic != Header().magic))
     throw scene::InputError(prefix + "these bytes are not a saved state");
-  const auto require_same_experiment = [&] {
-    if (header.fingerprint != fingerprint())
-      throw scene::InputError(prefix + "the state is of another experiment, option, engine or version");
-  };
-  const bool has_engine = !engine_version_.empty();  // since the first episode that could start
-  if (has_engine) require_same_experiment();
-  const std::string_view payload = bytes.substr(sizeof header);
-  if (header.hash != hash_of(payload)) throw scene::InputError(prefix + "the state is damaged");
-  common::StateArchive archive(payload);
+  if (header.hash != hash_of(bytes.substr(kHashed))) throw scene::InputError(prefix + "the state is damaged");
+  common::StateArchive archive(bytes.substr(sizeof header));
   Values values;
   std::optional<Ending> ending;
   std::optional<double> reached_s;
   archive(values, ending, reached_s);
   // Seed and parameters also determine faults, actuators, shapes, and the numbers that the script draws while
   // it loads.
-  if (!simulation_ || header.seed != seed() || values != applied_values_) start_episode(header.seed, values);
+  const bool restarts = !simulation_ || header.seed != seed() || values != applied_values_;
+  std::optional<script::Experiment> experiment;
+  if (restarts && draws_while_loading_) experiment = loaded(header.seed);
+  const std::uint64_t fingerprint = experiment ? fingerprint_of(*experiment) : fingerprint_;
+  const auto require_same_experiment = [&] {
+    if (header.fingerprint != (fingerprint ^ hash_of(engine_version_)))
+      throw scene::InputError(prefix + "the state is of another experiment, file, option, engine or version");
+  };
+  const bool has_engine = !engine_version_.empty();  // since the first episode that could start
+  if (has_engine) require_same_experiment();
+  if (restarts) start_episode(header.seed, values, std::move(experiment));
   if (!has_engine) require_same_experiment();
   failed_ = true;  // until everything is restored
   experiment_->restore(archive);

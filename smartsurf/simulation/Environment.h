@@ -156,11 +156,13 @@ class Environment {
     std::vector<double> low, high;
   };
 
-  void load(std::optional<std::uint64_t> seed);
+  script::Experiment loaded(std::optional<std::uint64_t> seed) const;
+  void adopt(script::Experiment);
   void require_same_channels(const script::Experiment&) const;
   std::string channel_difference(const script::Experiment&) const;
   static std::vector<script::Experiment::InfoField> info_fields(const script::Experiment&);
-  void start_episode(std::uint64_t seed, const Values&);
+  // `experiment`: as loaded with that seed, if it has been already.
+  void start_episode(std::uint64_t seed, const Values&, std::optional<script::Experiment> experiment = {});
   void start_simulation();
   Values draw_values(std::uint64_t seed) const;
   void require_valid(const Values&) const;
@@ -173,7 +175,6 @@ class Environment {
   template <class Work>
   auto end_on_error(const Work&);
   void refuse_controller(const char* call) const;
-  std::uint64_t fingerprint() const;
 
   EnvironmentOptions options_;
   std::shared_ptr<scene::SolidFactory> solids_;
@@ -182,7 +183,8 @@ class Environment {
   std::optional<scene::SceneSpec> declared_;
   std::unique_ptr<Simulation> simulation_;  // refers to experiment_; null: the episode could not start
   std::vector<float> occupancy_;
-  std::string engine_version_;  // of the latest simulation
+  std::uint64_t fingerprint_ = 0;  // of experiment_
+  std::string engine_version_;     // of the latest simulation
   std::optional<ControllerLink> controller_;
   bool draws_while_loading_ = false;
   Values set_values_;  // of the next episode

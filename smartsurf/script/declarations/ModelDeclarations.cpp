@@ -234,8 +234,7 @@ void add_model(ScriptContext& context, lua_State* L, const model::Model& m, cons
   lua_setfield(L, -2, "joints");
 }
 
-NamedFile read_model_file(const ScriptContext& context, lua_State* L, const TableReader& fields,
-                          Placement& at) {
+NamedFile read_model_file(ScriptContext& context, lua_State* L, const TableReader& fields, Placement& at) {
   NamedFile file;
   fields.require("file");
   fields.require("position");

@@ -185,6 +185,9 @@ struct Sandbox {
   Interpreter* interpreter = nullptr;
   std::deque<Callback> callbacks;   // a call may add to them: references stay valid
   std::vector<int> free_callbacks;  // unused slots of `callbacks`
+  // While a script loads whose state may be saved: of the files that it has read, and of the names that it
+  // gives them. Meshes are not among them.
+  std::optional<std::uint64_t> files_hash;
 };
 
 // A number as shown in messages; "nan" has no sign.

@@ -11,6 +11,7 @@
 #include "common/files/Inputs.h"
 #include "common/files/ReadFile.h"
 #include "common/files/RealPath.h"
+#include "common/hash/Fnv.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -61,6 +62,32 @@ fs::path resolve_writable_path(const Sandbox& sandbox, const std::string& subjec
   return real;
 }
 
+// `content`: null if the file cannot be read.
+void note_content(Sandbox& sandbox, const std::string& path, const std::string* content) {
+  if (!sandbox.files_hash) return;
+  for (const std::uint64_t hash : {common::fnv1a(path), content != nullptr ? common::fnv1a(*content) : 0})
+    sandbox.files_hash = common::fnv_mix(*sandbox.files_hash, hash);
+}
+
+// Lua will read the file, if it is there.
+void note_file(Sandbox& sandbox, const std::string& path, const fs::path& real) {
+  constexpr std::size_t kMaxBytes = std::size_t{1} << 30;
+  if (!sandbox.files_hash) return;
+  std::string content;
+  const std::error_code error = common::read_file(real, kMaxBytes, content);
+  note_content(sandbox, path, error ? nullptr : &content);
+}
+
+// The content of a file beside the script.
+std::string read_noted(Sandbox& sandbox, const std::string& subject, const std::string& path,
+                       const fs::path& real) {
+  std::string reason;
+  std::optional<std::string> text = read_text_file(real, reason);
+  note_content(sandbox, path, text ? &*text : nullptr);
+  if (!text) throw_path_error(subject, path, reason);
+  return std::move(*text);
+}
+
 void push_path(lua_State* L, const fs::path& path) {
   const std::string text = path.string();
   lua_pushlstring(L, text.data(), text.size());
@@ -89,6 +116,7 @@ int io_open(Sandbox& sandbox, lua_State* L) {
   }
   const fs::path real = reads ? resolve_readable_path(sandbox, "io.open", path)
                               : resolve_writable_path(sandbox, "io.open", path);
+  if (reads) note_file(sandbox, path, real);
   lua_pushvalue(L, lua_upvalueindex(1));
   push_path(L, real);
   lua_pushlstring(L, mode.data(), mode.size());
@@ -105,7 +133,9 @@ int io_open(Sandbox& sandbox, lua_State* L) {
 
 // io.lines(path, …). Upvalue: Lua's io.lines.
 int io_lines(Sandbox& sandbox, lua_State* L) {
-  const fs::path real = resolve_readable_path(sandbox, "io.lines", check_string(L, 1, "io.lines: path"));
+  const std::string path = check_string(L, 1, "io.lines: path");
+  const fs::path real = resolve_readable_path(sandbox, "io.lines", path);
+  note_file(sandbox, path, real);
   const int count = lua_gettop(L);
   push_path(L, real);
   lua_replace(L, 1);
@@ -124,11 +154,11 @@ std::string display_path(const Sandbox& sandbox, const std::string& relative) {
 void load_file(Sandbox& sandbox, lua_State* L, const std::string& subject, const std::string& path) {
   const fs::path real = resolve_readable_path(sandbox, subject, path);
   std::error_code error;
-  if (!fs::exists(real, error)) throw_path_error(subject, path, "is not beside the script");
-  std::string reason;
-  const std::optional<std::string> text = read_text_file(real, reason);
-  if (!text) throw_path_error(subject, path, reason);
-  sandbox.interpreter->compile(L, *text, display_path(sandbox, path));
+  if (!fs::exists(real, error)) {
+    note_content(sandbox, path, nullptr);
+    throw_path_error(subject, path, "is not beside the script");
+  }
+  sandbox.interpreter->compile(L, read_noted(sandbox, subject, path, real), display_path(sandbox, path));
 }
 
 int dofile(Sandbox& sandbox, lua_State* L) {
@@ -209,11 +239,9 @@ std::optional<std::string> read_text_file(const fs::path& path, std::string& rea
   return std::nullopt;
 }
 
-NamedFile read_sandboxed_file(const Sandbox& sandbox, const std::string& subject, const std::string& path) {
-  std::string reason;
-  std::optional<std::string> text = read_text_file(resolve_readable_path(sandbox, subject, path), reason);
-  if (!text) throw_path_error(subject, path, reason);
-  return {to_single_line(display_path(sandbox, path)), std::move(*text)};
+NamedFile read_sandboxed_file(Sandbox& sandbox, const std::string& subject, const std::string& path) {
+  return {to_single_line(display_path(sandbox, path)),
+          read_noted(sandbox, subject, path, resolve_readable_path(sandbox, subject, path))};
 }
 
 void bind_file_access(lua_State* L) {

@@ -18,7 +18,7 @@ struct NamedFile {
 };
 // Reads a file that the script names. Throws ScriptError, which begins with `subject`, if it cannot be read
 // or the sandbox denies access.
-NamedFile read_sandboxed_file(const Sandbox&, const std::string& subject, const std::string& path);
+NamedFile read_sandboxed_file(Sandbox&, const std::string& subject, const std::string& path);
 // The real path of a file that the script may read; the file need not exist. Throws ScriptError, which begins
 // with `subject`, if the path is not a regular file or the sandbox denies access.
 std::filesystem::path resolve_readable_path(const Sandbox&, const std::string& subject,

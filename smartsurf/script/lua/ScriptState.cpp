@@ -459,6 +459,8 @@ void ScriptState::number_library(lua_State* L) { library_count_ = number_all(nul
 
 void ScriptState::number_script(Sandbox& sandbox, lua_State* L) {
   known_count_ = number_all(&sandbox, L, library_count_, fingerprint_);
+  mix(fingerprint_, *sandbox.files_hash);
+  sandbox.files_hash.reset();
 }
 
 void ScriptState::save(Sandbox& sandbox, lua_State* L, common::StateArchive& a) {

@@ -20,7 +20,8 @@ class ScriptState {
   void number_library(lua_State* L);
   void number_script(Sandbox&, lua_State* L);
 
-  // Identifies the numbering: equal for interpreters that have loaded the same script.
+  // Identifies the numbering and the files that the script has read while it loaded: equal for interpreters
+  // that have loaded the same script.
   std::uint64_t fingerprint() const { return fingerprint_; }
 
   // Call inside Interpreter::call(), after number_script(). Throw ScriptError for a value that cannot be

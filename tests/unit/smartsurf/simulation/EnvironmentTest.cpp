@@ -47,6 +47,7 @@ surface { rows = 8, columns = 8, pitch = 2, actuator = pin { range = {0, 4}, lat
           sensors = { proximity { range = 6, noise = 0.05, drift = 0.1, latency = 2 } } }
 faults { actuator = { stuck = 0.05, latency = 1 } }
 for i = 1, 3 do box { size = {2, 2, 2}, position = {random(2, 12), random(2, 12), 4 + 2 * i} } end
+for i = 1, math.floor(random(1, 9)) do every(0.1 * i, function() random() end) end
 reward(function() return random() end)
 )"};
 // Joints that are driven, created and removed, and handles to them in variables.
@@ -185,10 +186,15 @@ TEST_P(EnvironmentTest, RestoredStateContinuesWithSameBits) {
 TEST_P(EnvironmentTest, DamagedStateChangesNothing) {
   Environment environment(options(5));
   drive(environment, 20);
-  std::string state = environment.save();
-  state[state.size() / 2] ^= 1;
-  EXPECT_THROW(environment.restore(state), scene::InputError);
-  EXPECT_THROW(environment.restore(std::string_view(state).substr(0, 10)), scene::InputError);
+  const std::string state = environment.save();
+  for (std::size_t byte = 0; byte < state.size(); byte += byte < 64 ? 1 : 1 + state.size() / 16) {
+    std::string damaged = state;
+    damaged[byte] ^= static_cast<char>(1U << byte % 8);
+    EXPECT_THROW(environment.restore(damaged), scene::InputError) << "byte " << byte;
+  }
+  for (const std::size_t size : {std::size_t{0}, std::size_t{10}, std::size_t{32}, state.size() - 1})
+    EXPECT_THROW(environment.restore(std::string_view(state).substr(0, size)), scene::InputError) << size;
+  EXPECT_THROW(environment.restore(state + '\0'), scene::InputError);
   Environment twin(options(5));
   drive(twin, 20);
   EXPECT_EQ(drive(environment, 20), drive(twin, 20));
@@ -323,6 +329,78 @@ metric('time', function(t) return t end)
     }
     environment.reset(7);
   }
+}
+
+TEST(EnvironmentFiles, AStateIsBoundToThem) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::temp_directory_path() / ("environment_files_" + std::to_string(getpid()));
+  fs::create_directory(folder);
+  const auto write = [&](const std::string& file, const std::string& text) {
+    std::ofstream(folder / file) << text;
+  };
+  const std::string hull = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n",
+                    header = "row,column,channel,fault,value\n",
+                    robot =
+                        "<robot name='r'><link name='l'><collision><geometry><sphere "
+                        "radius='1'/></geometry></collision></link></robot>";
+  const struct {
+    std::string name, text, other;
+  } files[] = {{"required.lua", "return 9", "return 8"},
+               {"done.lua", "gravity = 2", "gravity = 3"},
+               {"opened.txt", "3", "4"},
+               {"lines.txt", "4", "5"},
+               {"faults.csv", header + "0,1,height,stuck,1\n", header + "0,1,height,stuck,2\n"},
+               {"hull.obj", hull, "v 0 0 -0.1\n" + hull.substr(8)},
+               {"robot.urdf", robot, robot + " "}};
+  for (const auto& file : files) write(file.name, file.text);
+  EnvironmentOptions options;
+  options.experiment = (folder / "files.lua").string();
+  options.source = R"(
+    local n = require 'required'
+    dofile 'done.lua'
+    pcall(require, 'absent')
+    n = n + tonumber(io.open('opened.txt'):read()) + (io.open('missing.txt') and 1 or 0)
+    for line in io.lines('lines.txt') do n = n + tonumber(line) end
+    world { gravity = -n, unit = 'm' }
+    surface { rows = 4, columns = 4 }
+    faults { map = 'faults.csv' }
+    hull { file = 'hull.obj', position = {1, 1, 5}, mass = 1 }
+    urdf { file = 'robot.urdf', position = {2, 2, 9} }
+    on_tick(function() io.open('opened.txt') end))";
+  const auto after = [](Environment& environment, int steps) {
+    for (int step = 0; step < steps; ++step) environment.step();
+    return environment.simulation().snapshot().state_hash;
+  };
+  Environment first(options);
+  after(first, 5);
+  const std::string state = first.save();
+  const std::uint64_t expected = after(first, 5);
+  Environment same(options);
+  same.restore(state);
+  EXPECT_EQ(after(same, 5), expected);
+  const auto expect_refused = [&](const std::string& file) {
+    Environment other(options), twin(options);
+    after(other, 3), after(twin, 3);
+    try {
+      other.restore(state);
+      ADD_FAILURE() << file;
+    } catch (const scene::InputError& error) {
+      EXPECT_NE(std::string(error.what()).find("of another experiment, file, option"), std::string::npos)
+          << error.what();
+    }
+    EXPECT_EQ(after(other, 5), after(twin, 5)) << file;
+  };
+  for (const auto& file : files) {
+    write(file.name, file.other);
+    expect_refused(file.name);
+    write(file.name, file.text);
+  }
+  for (const std::string file : {"absent.lua", "missing.txt"}) {
+    write(file, "");
+    expect_refused(file);
+    fs::remove(folder / file);
+  }
+  fs::remove_all(folder);
 }
 
 TEST(EnvironmentVerdict, IsThatOfRunAndLiesInTheState) {
