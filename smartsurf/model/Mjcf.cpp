@@ -3,6 +3,7 @@
 #include <map>
 #include <numbers>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@ namespace smartsurf::model {
 namespace {
 
 constexpr double kDefaultDensity = 1000.0;  // MuJoCo's
+constexpr double kDegree = std::numbers::pi / 180.0;
 
 struct DefaultClass {
   std::string parent;                                    // "" for the outermost
@@ -38,12 +40,15 @@ class Defaulted {
   Defaulted(const Element& e, std::vector<Element> defaults) : element_(e), defaults_(std::move(defaults)) {}
 
   const Element& element() const { return element_; }
-  // The element, or the first of the defaults that has the attribute.
-  const Element& with(const char* attribute) const {
-    if (element_.has(attribute)) return element_;
-    for (const Element& e : defaults_)
-      if (e.has(attribute)) return e;
-    return element_;
+  // The element, or the first of the defaults that has the attribute, or any of them.
+  const Element& with(const char* attribute) const { return with_any({&attribute, 1}); }
+  const Element& with_any(std::span<const char* const> attributes) const {
+    const auto has_any = [&](const Element& e) {
+      return std::ranges::any_of(attributes, [&](const char* attribute) { return e.has(attribute); });
+    };
+    if (has_any(element_)) return element_;
+    const auto found = std::ranges::find_if(defaults_, has_any);
+    return found != defaults_.end() ? *found : element_;
   }
   bool has(const char* attribute) const { return with(attribute).has(attribute); }
   std::string text(const char* attribute, const char* otherwise) const {
@@ -99,15 +104,18 @@ class MjcfReader {
     }
   }
 
+  // Attributes of later elements replace those of earlier ones.
   void read_compiler(const Element& e) {
     if (e.has("angle") && e.text("angle") != "degree" && e.text("angle") != "radian")
       e.refuse("angle='" + e.text("angle") + "': must be degree or radian");
-    if (e.text("angle") == "radian") angle_unit_ = 1.0;
+    if (e.has("angle")) angle_unit_ = e.text("angle") == "radian" ? 1.0 : kDegree;
     if (e.text("coordinate") == "global") e.refuse("coordinate='global': must be local");
     if (e.has("eulerseq")) euler_sequence_ = e.text("eulerseq");
     if (euler_sequence_.size() != 3 || euler_sequence_.find_first_not_of("xyzXYZ") != std::string::npos)
       e.refuse("eulerseq='" + euler_sequence_ + "': must be three of x, y, z, X, Y, Z");
-    if (e.text("autolimits") == "false") autolimits_ = false;
+    if (e.has("autolimits") && e.text("autolimits") != "false" && e.text("autolimits") != "true")
+      e.refuse("autolimits='" + e.text("autolimits") + "': must be false or true");
+    if (e.has("autolimits")) autolimits_ = e.text("autolimits") == "true";
     if (e.has("inertiafromgeom")) inertia_from_geom_ = e.text("inertiafromgeom");
     if (inertia_from_geom_ != "false" && inertia_from_geom_ != "true" && inertia_from_geom_ != "auto")
       e.refuse("inertiafromgeom='" + inertia_from_geom_ + "': must be false, true or auto");
@@ -155,21 +163,26 @@ class MjcfReader {
     return {e, std::move(defaults)};
   }
 
-  Eigen::Quaterniond read_orientation(const Defaulted& e) const {
+  // An orientation takes the place of the defaults', whatever the notations.
+  Eigen::Quaterniond read_orientation(const Defaulted& defaulted) const {
+    static constexpr const char* kNotations[] = {"quat", "axisangle", "euler", "zaxis", "xyaxes"};
+    const Element& e = defaulted.with_any(kNotations);
+    if (std::ranges::count_if(kNotations, [&](const char* notation) { return e.has(notation); }) > 1)
+      e.refuse("has several orientations: must be one of quat, axisangle, euler, zaxis and xyaxes");
     if (e.has("quat")) {
       const auto q = e.numbers("quat", 4, 4);
       const Eigen::Quaterniond quat(q[0], q[1], q[2], q[3]);
-      if (!(quat.norm() > 1e-9)) e.with("quat").refuse("quat: must not be of length 0");
+      if (!(quat.norm() > 1e-9)) e.refuse("quat: must not be of length 0");
       return quat.normalized();
     }
     if (e.has("axisangle")) {
       const auto a = e.numbers("axisangle", 4, 4);
       const Eigen::Vector3d axis(a[0], a[1], a[2]);
-      if (!(axis.norm() > 1e-9)) e.with("axisangle").refuse("axisangle: the axis must not be of length 0");
+      if (!(axis.norm() > 1e-9)) e.refuse("axisangle: the axis must not be of length 0");
       return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_unit_, axis.normalized()));
     }
     if (e.has("euler")) return from_euler(e.vector("euler", Eigen::Vector3d::Zero()));
-    if (e.has("zaxis")) return along_z(e.with("zaxis"), e.vector("zaxis", Eigen::Vector3d::UnitZ()));
+    if (e.has("zaxis")) return along_z(e, e.vector("zaxis", Eigen::Vector3d::UnitZ()));
     if (e.has("xyaxes")) {
       const auto a = e.numbers("xyaxes", 6, 6);
       Eigen::Matrix3d axes;
@@ -177,8 +190,7 @@ class MjcfReader {
       axes.col(1) = Eigen::Vector3d(a[3], a[4], a[5]);
       axes.col(1) = (axes.col(1) - axes.col(0).dot(axes.col(1)) * axes.col(0)).normalized();
       axes.col(2) = axes.col(0).cross(axes.col(1));
-      if (!(std::abs(axes.determinant() - 1.0) < 1e-6))
-        e.with("xyaxes").refuse("xyaxes: must be two directions");
+      if (!(std::abs(axes.determinant() - 1.0) < 1e-6)) e.refuse("xyaxes: must be two directions");
       return Eigen::Quaterniond(axes).normalized();
     }
     return Eigen::Quaterniond::Identity();
@@ -239,7 +251,8 @@ class MjcfReader {
       const auto ends = e.numbers("fromto", 6, 6);
       const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
       half_length = 0.5 * (to - from).norm();
-      g.pose = {0.5 * (from + to), along_z(e.with("fromto"), to - from)};
+      // Of a box MuJoCo turns the z axis to its start, which decides how its sides lie.
+      g.pose = {0.5 * (from + to), along_z(e.with("fromto"), type == "box" ? from - to : to - from)};
     }
     if (type == "sphere") {
       g.radius = e.numbers("size", 1, 3)[0];
@@ -252,7 +265,7 @@ class MjcfReader {
     } else if (type == "box") {
       g.shape = scene::ShapeKind::kBox;
       auto half = e.numbers("size", has_ends ? 1 : 3, 3);
-      if (has_ends) half = {half[0], half.size() > 1 ? half[1] : half[0], half_length};
+      if (has_ends) half = {half[0], half[0], half_length};
       g.size = 2.0 * Eigen::Vector3d(half[0], half[1], half[2]);
     } else if (type == "mesh") {
       g.shape = scene::ShapeKind::kSolid;
@@ -277,10 +290,16 @@ class MjcfReader {
     return g;
   }
 
+  // Geoms of the world and bodies have names of their own.
   std::string name_of(const Element& e) {
+    std::set<std::string>& names = names_[e.tag()];
     std::string name = e.text("name");
-    if (name.empty()) name = e.tag() + std::to_string(++unnamed_);
-    if (!names_.emplace(name, 0).second) e.refuse("there is another body of that name");
+    if (name.empty()) {
+      do name = e.tag() + std::to_string(++unnamed_);
+      while (names.contains(name));
+    } else if (!names.insert(name).second) {
+      e.refuse("there is another " + e.tag() + " of that name");
+    }
     return name;
   }
 
@@ -352,6 +371,10 @@ class MjcfReader {
 
   void add_joint(const Defaulted& e, const Pose& pose, int body, int parent) {
     const std::string type = e.text("type", "hinge");
+    if (type == "free" || type == "ball")
+      for (const char* const effort : {"stiffness", "damping", "frictionloss"})
+        if (e.number(effort, 0.0) != 0.0)
+          e.element().refuse(effort + ("='" + e.text(effort, "")) + "': must be 0 for the type " + type);
     if (type == "free") {
       if (parent >= 0) e.element().refuse("only a body of the world may be free");
       return;
@@ -373,6 +396,7 @@ class MjcfReader {
     if (e.number("ref", 0.0) != 0.0) e.with("ref").refuse("ref: must be 0");
     const std::string limited = e.text("limited", "auto");
     if (limited == "true" || (limited == "auto" && autolimits_ && e.has("range"))) {
+      if (type == "ball") e.element().refuse("range: must be absent for the type ball, or limited='false'");
       const auto range = e.numbers("range", 2, 2);
       spec.limits = {range[0] * unit, range[1] * unit};
     }
@@ -385,13 +409,13 @@ class MjcfReader {
         {e.element().where(), name.empty() ? "joint" + std::to_string(++unnamed_joints_) : name, spec});
   }
 
-  double angle_unit_ = std::numbers::pi / 180.0;
+  double angle_unit_ = kDegree;
   std::string euler_sequence_ = "xyz", mesh_folder_, inertia_from_geom_ = "auto";
   bool autolimits_ = true;
   std::map<std::string, DefaultClass> classes_;
   std::map<std::string, Mesh> meshes_;
   std::map<std::string, Element> materials_;
-  std::map<std::string, int> names_;
+  std::map<std::string, std::set<std::string>> names_;  // by tag
   int unnamed_ = 0, unnamed_joints_ = 0;
   Model model_;
 };

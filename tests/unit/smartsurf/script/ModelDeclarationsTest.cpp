@@ -184,6 +184,73 @@ TEST_F(ModelsTest, MjcfDefaultsAreMerged) {
 }
 
 // The numbers are MuJoCo's.
+TEST_F(ModelsTest, MjcfBoxesWithEndsHaveSquareSections) {
+  const scene::SceneSpec spec =
+      scene_of("mjcf",
+               "<mujoco><default><default class='c'><geom size='3 1 1'/></default></default><worldbody>"
+               "<geom type='box' size='1 2' fromto='0 0 0 0 0 4'/>"
+               "<geom type='box' class='c' fromto='0 0 0 2 1 3'/></worldbody></mujoco>");
+  ASSERT_EQ(spec.objects.size(), 2U);
+  EXPECT_LT((spec.objects[0].size - Vector3d(2, 2, 4)).norm(), 1e-9);
+  EXPECT_NEAR(std::abs(spec.objects[0].orientation.x()), 1.0, 1e-9);
+  EXPECT_LT((spec.objects[1].size - Vector3d(6, 6, std::sqrt(14.0))).norm(), 1e-9);
+  const Eigen::Quaterniond mujoco(0.31481445, 0.42447423, -0.84894846, 0.0);
+  EXPECT_LT(spec.objects[1].orientation.angularDistance(mujoco), 1e-6);
+}
+
+// An orientation takes the place of an inherited one, in any of the notations.
+TEST_F(ModelsTest, MjcfOwnOrientationReplacesThatOfTheDefaults) {
+  const std::string notations[] = {"quat='0.6 0.8 0 0'", "axisangle='0 1 0 40'", "euler='0 20 70'",
+                                   "xyaxes='0 1 0 0 0 1'", "zaxis='1 0 0'"};
+  const auto orientation = [&](const std::string& outer, const std::string& inner, const std::string& own) {
+    return scene_of("mjcf", "<mujoco><default><geom type='box' size='1 2 3' " + outer +
+                                "/><default class='c'><geom " + inner + "/></default></default><worldbody>" +
+                                "<geom class='c' " + own + "/></worldbody></mujoco>")
+        .objects[0]
+        .orientation;
+  };
+  for (const std::string& notation : notations)
+    for (const std::string& other : notations) {
+      const Eigen::Quaterniond alone = orientation("", "", notation);
+      EXPECT_EQ(orientation(other, "", notation).coeffs(), alone.coeffs()) << other << ", " << notation;
+      EXPECT_EQ(orientation(other, notation, "").coeffs(), alone.coeffs()) << other << ", " << notation;
+    }
+}
+
+TEST_F(ModelsTest, MjcfLaterCompilersReplaceTheAttributesOfEarlierOnes) {
+  const auto load = [&](const std::string& compilers) {
+    return scene_of("mjcf",
+                    "<mujoco>" + compilers +
+                        "<worldbody><body><inertial pos='0 0 0' mass='2' diaginertia='1 1 1'/>"
+                        "<joint range='0 180'/><geom type='box' size='1 2 3' euler='10 20 30'/></body>"
+                        "</worldbody></mujoco>");
+  };
+  const scene::SceneSpec
+      plain = load(""),
+      back = load(
+          "<compiler angle='radian' eulerseq='zyx' autolimits='false' inertiafromgeom='true'/>"
+          "<compiler/><compiler angle='degree' eulerseq='xyz'/>"
+          "<compiler autolimits='true' inertiafromgeom='auto'/>");
+  EXPECT_EQ(back.objects[0].orientation.coeffs(), plain.objects[0].orientation.coeffs());
+  EXPECT_EQ(back.objects[0].mass, 2.0);
+  ASSERT_TRUE(back.joints[0].limits);
+  EXPECT_EQ(back.joints[0].limits->upper, plain.joints[0].limits->upper);
+}
+
+// Names are unique among the elements of a type. Those of elements without one are none of the file's.
+TEST_F(ModelsTest, MjcfGeomsAndBodiesMayHaveTheSameName) {
+  write("m.xml",
+        "<mujoco><worldbody><geom name='x' size='1'/><body name='x'><freejoint/><geom size='1'/></body>"
+        "<body><freejoint/><geom size='1'/></body><body name='body1'><freejoint/><geom size='1'/></body>"
+        "<body name='body2'><freejoint/><geom size='1'/></body><body><freejoint/><geom size='1'/></body>"
+        "</worldbody></mujoco>");
+  load_on_surface(
+      "local m = mjcf{file = 'm.xml', position = {0, 0, 0}}\n"
+      "print(m.objects.x, m.objects.body1, m.objects.body2, m.objects.body3)");
+  EXPECT_EQ(printed, "1\t3\t4\t5\n");
+}
+
+// The numbers are MuJoCo's.
 TEST_F(ModelsTest, MjcfFramesPlaceTheirChildren) {
   const scene::SceneSpec spec = scene_of("mjcf", R"(<mujoco>
     <default><default class='heavy'><geom density='2'/></default></default>
@@ -304,7 +371,19 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
            {"<equality>\n<weld/></equality>",
             "2: <equality>: is not supported: only joints constrain the bodies"},
            {"<worldbody><body><joint type='ball' range='0 1'/><geom size='1'/></body></worldbody>",
-            "2: <joint>: joint.limits: a ball joint has none; only hinge and slider do"}})
+            "2: <joint>: range: must be absent for the type ball, or limited='false'"},
+           {"<default><joint damping='0.5'/></default><worldbody><body>\n<joint type='ball'/><geom size='1'/>"
+            "</body></worldbody>",
+            "3: <joint>: damping='0.5': must be 0 for the type ball"},
+           {"<worldbody><body><joint type='ball' stiffness='2'/><geom size='1'/></body></worldbody>",
+            "2: <joint>: stiffness='2': must be 0 for the type ball"},
+           {"<worldbody><body><joint type='free' frictionloss='2'/><geom size='1'/></body></worldbody>",
+            "2: <joint>: frictionloss='2': must be 0 for the type free"},
+           {"<compiler autolimits='no'/>", "2: <compiler>: autolimits='no': must be false or true"},
+           {"<worldbody><body><geom size='1' quat='1 0 0 0' euler='1 2 3'/></body></worldbody>",
+            "2: <geom>: has several orientations: must be one of quat, axisangle, euler, zaxis and xyaxes"},
+           {"<worldbody><geom name='a' size='1'/>\n<geom name='a' size='1'/></worldbody>",
+            "3: <geom name='a'>: there is another geom of that name"}})
     EXPECT_EQ(mjcf_error(content), "t.lua:2: m.xml:" + expected);
   write("m.xml", "<mujoco/>");
   EXPECT_EQ(error_of("surface{}\nurdf{file = 'm.xml', position = {0, 0, 0}}"),
