@@ -70,11 +70,12 @@ class Controller(Endpoint):
 
     def reconnect(self, timeout=0.0):
         """Attaches to a new surface under the same name, which must have the same layout. Invalidates all arrays."""
-        layout = self.description.layout_hash
+        before = self.description, self.sensors, self.actuators
         self.close()
         self._attach(self._name, timeout)
-        if self.description.layout_hash != layout:
+        if self.description.layout_hash != before[0].layout_hash:
             self.close()
+            self.description, self.sensors, self.actuators = before  # the layout that the next attempt asks for
             raise Error(Result.LAYOUT_CHANGED, f"surface {self._name} came back with another size or other channels")
 
     def close(self):

@@ -414,9 +414,14 @@ while s.wait():
             self.assertNotEqual(controller.description.session, session)
             surface.close()
             surface = Surface(controller.description.name, 5, 8, 0.01, SENSORS, ACTUATORS)
-            with self.assertRaises(Error) as e:
-                controller.reconnect(5)
-            self.assertEqual(e.exception.result, Result.LAYOUT_CHANGED)
+            for _ in range(2):
+                with self.assertRaises(Error) as e:
+                    controller.reconnect(5)
+                self.assertEqual(e.exception.result, Result.LAYOUT_CHANGED)
+            surface.close()
+            surface = Surface(controller.description.name, 5, 7, 0.01, SENSORS, ACTUATORS)
+            controller.reconnect(5)
+            self.assertEqual(controller.description.columns, 7)
             surface.close()
 
     def test_ctrl_c_ends_a_wait(self):
