@@ -5,6 +5,7 @@
 #include "apron/program/Reachability.h"
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/FileReader.h"
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/error/UserError.h"
 
 namespace apron::library {
@@ -31,6 +32,7 @@ std::string without_last_newline(std::string text) {
 }  // namespace
 
 SizedProgram compile(const ProgramSource& source, std::uint32_t width, std::uint32_t height) {
+  const common::StandardArithmetic arithmetic;
   SourceReader reader(source);
   compiler::CompileOptions options;
   options.file = source.file;

@@ -15,6 +15,7 @@
 #include "apron/program/ScalarArithmetic.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/kernels/Shift.h"
+#include "common/arithmetic/StandardArithmetic.h"
 
 namespace apron::vm {
 
@@ -189,6 +190,7 @@ void Vm::set_profiling(bool on) {
 }
 
 Status Vm::run(std::uint64_t budget) {
+  const common::StandardArithmetic arithmetic;
   if (final_status_ != Status::kRunning) return final_status_;
   const std::uint64_t left = max_tick_instructions_ - (instructions_executed_ - executed_before_tick_);
   const bool is_limited = max_tick_instructions_ != 0 && left <= budget;

@@ -5,6 +5,7 @@
 #include <string>
 #include <system_error>
 
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/error/UserError.h"
 #include "common/threads/Core.h"
 
@@ -196,6 +197,7 @@ std::uint32_t ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept
 }
 
 void ThreadPool::serve(unsigned thread) noexcept {
+  const common::StandardArithmetic arithmetic;
   std::uint32_t round = 0;
   for (;;) {
     wait_while(round_, round);

@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/files/ElfFile.h"
 #include "common/files/ReadFile.h"
 #include "common/hash/Fnv.h"
@@ -316,6 +317,7 @@ void load(const std::filesystem::path& path) {
   }
   if (const std::string cut = common::find_missing_segment(path); !cut.empty())
     throw common::UserError(file + ": " + cut);
+  const common::StandardArithmetic arithmetic;
   // A path without a slash would be searched for in the system's folders.
   void* const library = dlopen(std::filesystem::absolute(path).c_str(), RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) throw common::UserError(file + ": cannot be loaded: " + dlerror());

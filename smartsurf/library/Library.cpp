@@ -4,6 +4,7 @@
 #include <exception>
 #include <string>
 
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/text/ClassicLocale.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/library/smartsurf.h"
@@ -36,6 +37,7 @@ thread_local std::string last_error;
 template <class Work>
 smartsurf_status guarded(const Work& work) noexcept {
   const common::ClassicLocale locale;
+  const common::StandardArithmetic arithmetic;
   try {
     work();
     return SMARTSURF_OK;

@@ -16,7 +16,7 @@
  * Sizes. Every struct begins with `size`, which the caller sets to sizeof that struct; later versions append
  * members.
  * Determinism. Equal experiments, options, seeds and targets give equal bits, for any number of threads,
- * whatever the locale. */
+ * whatever the locale and the floating-point environment (rounding, subnormal numbers) of the caller. */
 #ifndef SMARTSURF_H
 #define SMARTSURF_H
 

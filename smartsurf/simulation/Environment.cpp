@@ -9,6 +9,7 @@
 #include <cstring>
 #include <iterator>
 
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/memory/Prefetch.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/simulation/EpisodeRandom.h"
@@ -109,6 +110,7 @@ class Prefetch {
 Environment::Environment(EnvironmentOptions options, Start start)
     : options_(std::move(options)),
       solids_(std::make_shared<mesh::SolidLibrary>(mesh::decomposition_folder())) {
+  const common::StandardArithmetic arithmetic;
   adopt(loaded(options_.seed));
   Nuisances::check(scene(), experiment_->variations());
   if (start == Start::kNow) start_simulation();
@@ -193,6 +195,7 @@ void Environment::start_episode(std::uint64_t seed, const Values& values,
 }
 
 void Environment::start_simulation() try {
+  const common::StandardArithmetic arithmetic;
   failed_ = false;
   occupancy_ = scene().surface.occupancy();
   simulation_ = std::make_unique<Simulation>(*experiment_, options_.threads,
@@ -216,6 +219,7 @@ void Environment::start_simulation() try {
 }
 
 void Environment::reset(std::uint64_t seed) {
+  const common::StandardArithmetic arithmetic;
   if (ranges_.empty()) return start_episode(seed, set_values_);
   require_valid_ranges();
   start_episode(seed, draw_values(seed));
@@ -287,6 +291,7 @@ void Environment::require_valid(const Values& values) const {
 }
 
 void Environment::set_parameter(const SceneParameter& parameter, std::span<const double> numbers) {
+  const common::StandardArithmetic arithmetic;
   const auto is_this = [&](const auto& value) { return value.first == parameter.name(); };
   Values values = set_values_;
   std::erase_if(values, is_this);
@@ -298,6 +303,7 @@ void Environment::set_parameter(const SceneParameter& parameter, std::span<const
 
 void Environment::randomise(const SceneParameter& parameter, std::span<const double> low,
                             std::span<const double> high) {
+  const common::StandardArithmetic arithmetic;
   const auto is_this = [&](const Range& range) { return range.parameter.name() == parameter.name(); };
   for (const std::span<const double> end : {low, high}) {
     if (end.empty()) continue;
@@ -331,10 +337,12 @@ void Environment::set_parameter_settings(ParameterSettings settings) {
 }
 
 bool Environment::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
+  const common::StandardArithmetic arithmetic;
   return running().place(id, update);
 }
 
 bool Environment::set_wrench(scene::ObjectId id, const surface::Wrench& wrench) {
+  const common::StandardArithmetic arithmetic;
   return running().set_wrench(id, wrench);
 }
 
@@ -360,6 +368,7 @@ std::string Environment::save() {
 
 // Changes nothing until the whole state is known to be of this experiment.
 void Environment::restore(std::string_view bytes) {
+  const common::StandardArithmetic arithmetic;
   refuse_controller("restore");
   Header header;
   common::StateArchive start(bytes.substr(0, std::min(bytes.size(), sizeof header)));
@@ -406,6 +415,7 @@ Simulation& Environment::running() {
 }
 
 void Environment::set_targets(int channel, std::span<const float> targets) {
+  const common::StandardArithmetic arithmetic;
   running().actuator_array().set_targets(channel, targets);
 }
 
@@ -477,6 +487,7 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
 }
 
 StepResult Environment::step(std::span<const std::byte> prefetched) {
+  const common::StandardArithmetic arithmetic;
   Simulation& s = running();
   StepResult result;
   const bool has_advanced = end_on_error([&] {

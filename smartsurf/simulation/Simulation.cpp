@@ -6,6 +6,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "common/arithmetic/StandardArithmetic.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace smartsurf::simulation {
@@ -149,6 +150,7 @@ void Simulation::take_snapshot() {
 
 // Before anything changes the state after the tick.
 void Simulation::complete_snapshot() const {
+  const common::StandardArithmetic arithmetic;
   is_partial_ = false;
   engine_->snapshot(snapshot_);
   actuator_array_.write_cell_motion(snapshot_.actuator_state);

@@ -7,6 +7,7 @@
 
 #include "apron/program/Program.h"
 #include "apron/run/apron_plugin.h"
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/files/ElfFile.h"
 
 namespace apron::run {
@@ -43,6 +44,7 @@ std::string PluginModules::load(const std::string& name, const std::vector<std::
   }
   if (const std::string cut = common::find_missing_segment(path); !cut.empty())
     return "the module '" + name + "' cannot be loaded: " + path + " " + cut;
+  const common::StandardArithmetic arithmetic;
   Module module;
   module.library.reset(dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL));
   if (module.library == nullptr) return "the module '" + name + "' cannot be loaded: " + dlerror();

@@ -11,6 +11,7 @@
 #include <new>
 #include <utility>
 
+#include "common/arithmetic/StandardArithmetic.h"
 #include "common/process/ChildWork.h"
 #include "common/text/ClassicLocale.h"
 #include "common/text/Utf8.h"
@@ -265,6 +266,7 @@ int Interpreter::compile_metered(lua_State* L, std::string_view text, const char
 void Interpreter::call(int arguments, int results, const Budget& budget,
                        const std::string& fallback_location) {
   const common::ClassicLocale locale;
+  const common::StandardArithmetic arithmetic;
   instruction_budget_ = budget.instructions;
   instructions_used_ = 0;
   budget_exceeded_ = false;

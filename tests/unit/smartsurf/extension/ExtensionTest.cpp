@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cfenv>
 #include <cmath>
 #include <filesystem>
 #include <numeric>
@@ -35,6 +36,11 @@ void lift(simulation::Environment& environment, float height, int ticks) {
 
 float height_of_ball(const simulation::Environment& environment) {
   return environment.simulation().snapshot().position[0][2];
+}
+
+TEST(Extension, LoadingItLeavesTheArithmeticAlone) {
+  make("surface { rows = 2, columns = 2 }");
+  EXPECT_EQ(std::fegetround(), FE_TONEAREST);
 }
 
 constexpr const char* kBall = R"(

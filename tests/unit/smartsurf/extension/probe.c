@@ -1,9 +1,13 @@
 // An extension with an actuator and a sensor that use all of smartsurf_plugin.h.
+#include <fenv.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "smartsurf/extension/smartsurf_plugin.h"
+
+// As what libraries set that GCC links with -Ofast.
+__attribute__((constructor)) static void change_arithmetic(void) { fesetround(FE_UPWARD); }
 
 // ---- lifter: moves tops towards their targets, at most `steps`; pushes objects labelled 'light' east.
 enum { MAX_HEIGHT, STEPS, PUSH };

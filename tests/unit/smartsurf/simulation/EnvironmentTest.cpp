@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "smartsurf/simulation/EnvironmentBatch.h"
+#include "tests/unit/common/HostArithmetic.h"
 
 namespace smartsurf::simulation {
 namespace {
@@ -198,6 +199,16 @@ TEST_P(EnvironmentTest, DamagedStateChangesNothing) {
   Environment twin(options(5));
   drive(twin, 20);
   EXPECT_EQ(drive(environment, 20), drive(twin, 20));
+}
+
+TEST_P(EnvironmentTest, ArithmeticOfTheHostChangesNothing) {
+  Environment first(options(5, 2));
+  const std::vector<Tick> expected = drive(first, 30);
+  const common::HostArithmetic host;
+  Environment environment(options(6, 2));
+  environment.reset(5);
+  EXPECT_EQ(drive(environment, 30), expected);
+  EXPECT_TRUE(common::HostArithmetic::is_set());
 }
 
 TEST_P(EnvironmentTest, BatchEqualsSingleEnvironments) {
