@@ -10,6 +10,7 @@ import sys
 
 # module -> modules whose headers it may include, besides its own. "common" stands for all of common/.
 MODULES = {
+    "common/arithmetic": set(),
     "common/error": set(),
     "common/hash": set(),
     "common/index": set(),
@@ -26,7 +27,7 @@ MODULES = {
     "common/text": set(),
     "common/cli": {"common/files", "common/text"},
     "common/gl": {"common/error", "common/image"},
-    "common/threads": {"common/error"},
+    "common/threads": {"common/arithmetic", "common/error"},
     "common/image": {"common/error", "common/files"},
     "common/video": {"common/error", "common/files", "common/image", "common/process"},
     "shm-protocol": set(),
