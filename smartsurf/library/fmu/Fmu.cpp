@@ -333,8 +333,12 @@ FMI3 void* fmi3InstantiateCoSimulation(const char*, const char* token, const cha
 }
 FMI3 void fmi3FreeInstance(void* instance) { delete static_cast<Instance*>(instance); }
 
-FMI3 fmi3Status fmi3EnterInitializationMode(void*, bool, double, double start_s, bool, double) {
-  return start_s == 0 ? fmi3OK : fmi3Error;
+FMI3 fmi3Status fmi3EnterInitializationMode(void* instance, bool, double, double start_s, bool, double) {
+  return guarded(instance, [start_s](const Instance&) {
+    if (start_s != 0.0)
+      throw std::runtime_error("startTime = " + std::to_string(start_s) +
+                               ": must be 0: the experiment starts there");
+  });
 }
 FMI3 fmi3Status fmi3ExitInitializationMode(void* instance) {
   return guarded(instance, [](Instance& it) { it.leave_initialization_mode(); });

@@ -133,9 +133,9 @@ class Surface:
                                  f"{self._actuators[name].shape}") from None
 
 
-def checked_seed(seed: Any) -> int:
-    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**63:
-        raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**63 - 1")
+def checked_seed(seed: Any, bits: int = 64) -> int:
+    if not isinstance(seed, (int, np.integer)) or isinstance(seed, bool) or not 0 <= seed < 2**bits:
+        raise ValueError(f"seed = {seed!r}: must be a whole number from 0 to 2**{bits} - 1")
     return int(seed)
 
 

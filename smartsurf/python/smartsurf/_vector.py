@@ -175,16 +175,16 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
                          self._rewards, self._terminated.view(np.uint8), self._truncated.view(np.uint8))
 
     def _seeds(self, seed: Any, other: Callable[[int], int]) -> list[int]:
-        """The seed of each world; `other` gives those that are None."""
+        """The seed of each world; `other` gives those that are None. Infos hold them in 63 bits."""
         if seed is None:
             seed = [None] * self.num_envs
         if isinstance(seed, (int, np.integer)):
-            return [checked_seed(checked_seed(seed) + i) for i in range(self.num_envs)]
+            return [checked_seed(checked_seed(seed, 63) + i, 63) for i in range(self.num_envs)]
         if not isinstance(seed, (list, tuple, np.ndarray)):
             raise ValueError(f"seed = {seed!r}: must be a whole number from 0, or one per world")
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} values: must have one per world, {self.num_envs}")
-        return [other(i) if s is None else checked_seed(s) for i, s in enumerate(seed)]
+        return [other(i) if s is None else checked_seed(s, 63) for i, s in enumerate(seed)]
 
     def _next_seed(self, world: int) -> int:
         """Follows from the seed of the episode that the world has started last."""

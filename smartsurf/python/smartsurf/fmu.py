@@ -26,6 +26,7 @@ from ._simulation import Simulation
 from ._surface import Channel
 
 _LIBRARY = "smartsurf_fmu"
+_START = "start"  # the resource that tells the library what to load
 # Value references, as in smartsurf/library/fmu/Fmu.cpp.
 _SEED, _POSITION, _ACTUATOR, _SENSOR = 1, 10, 100, 1000
 _SCALARS = (("Float64", "reward", 3, "of the latest step"), ("UInt64", "tick", 2, "control periods since the start"),
@@ -121,6 +122,9 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
         except ValueError:
             raise FmuError(f"fmu --with {file}: must lie below {script.resolve().parent}, where the script finds its files") from None
         contents[name] = file.read_bytes()
+    for name in contents:
+        if name.split("/")[0] == _START:
+            raise FmuError(f"fmu: {name}: a unit has a file '{_START}' of its own; choose another name")
     start = "\n".join([str(simulation.seed), script.name, *set, ""])
     token = hashlib.sha256(b"\0".join([__version__.encode(), start.encode(), *(n.encode() + b"\0" + c for n, c in contents.items())]))
     if platform.machine() not in ("x86_64", "aarch64"):
@@ -128,7 +132,7 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
     system = f"{platform.machine()}-linux"
     members = {"modelDescription.xml": _description(script.stem, token.hexdigest(), simulation).encode(),
                f"binaries/{system}/{_LIBRARY}.so": library.read_bytes(),
-               "resources/start": f"{token.hexdigest()}\n{start}".encode(),
+               f"resources/{_START}": f"{token.hexdigest()}\n{start}".encode(),
                **{f"resources/{name}": content for name, content in contents.items()}}
     partial = target.with_name(f".{target.name}.part")
     try:

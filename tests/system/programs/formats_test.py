@@ -324,7 +324,7 @@ class Fmu(FormatTest):
     @needs("fmpy")
     def test_inputs_and_seeds_are_those_of_the_initialization(self):
         self.write("seeded.lua", SEEDED)
-        self.assertEqual(self.run_python(SMARTSURF, "fmu", "seeded.lua", "-o", "seeded.fmu"), (0, "", ""))
+        self.assertEqual(self.run_python(SMARTSURF, "fmu", "seeded.lua", "-o", "seeded.fmu", "--seed", str(2**64 - 1)), (0, "", ""))
         found = self.read("""
             import json, re
             import fmpy, smartsurf
@@ -335,11 +335,17 @@ class Fmu(FormatTest):
             own = int(variables['seed'].start)
             same = next(s for s in range(100) if s != own and count(s) == count(own))
             other = next(s for s in range(100) if count(s) != count(own))
-            unit = fmpy.instantiate_fmu(folder, description, 'CoSimulation')
+            logged = []
+            log = fmpy.fmi3.fmi3LogMessageCallback(lambda instance, status, category, message: logged.append(message.decode()))
+            unit = fmpy.instantiate_fmu(folder, description, 'CoSimulation', logger=log)
             def refused(seed):
                 try:
                     unit.setUInt64(refer('seed'), [seed])
                 except fmpy.fmi1.FMICallException as error: return True
+            try: unit.enterInitializationMode(startTime=1.5)
+            except fmpy.fmi1.FMICallException: pass
+            assert logged == ['startTime = 1.500000: must be 0: the experiment starts there'], logged
+            assert own == 2**64 - 1
             unit.enterInitializationMode()
             unit.setFloat32(refer('actuators.height'), [1.5, 1.5, 1.5, 1.5])
             assert refused(other) and unit.getUInt64(refer('seed')) == [own]
@@ -370,6 +376,7 @@ class Fmu(FormatTest):
         self.write("broken.lua", "surface { rows = 0, columns = 4, actuator = pin {} }")
         self.write("belt.lua", "extension 'belt.so'\nsurface { actuator = belt {} }")
         self.write("x.fmu", "data")
+        self.write("start", TABLE)
         (self.folder / "y.fmu").hardlink_to(self.folder / "x.fmu")
         (self.folder / "table.fmu").symlink_to("table.lua")
         before = {p.name: p.read_bytes() for p in self.folder.iterdir()}
@@ -379,7 +386,10 @@ class Fmu(FormatTest):
                                 (["table.lua", "-o", "a.fmu", "--set", "count"], "NAME=VALUE"),
                                 (["table.lua", "-o", "a.fmu", "--set", "size=2"], "size"),
                                 (["table.lua", "-o", "a.fmu", "--seed", "-1"], "--seed: -1: must be a whole number, 0 to"),
+                                (["table.lua", "-o", "a.fmu", "--seed", str(2**64)], "--seed: 18446744073709551616: must be a whole"),
                                 (["table.lua", "-o", "a.fmu", "--with", "/etc/passwd"], "below"),
+                                (["table.lua", "-o", "a.fmu", "--with", "start"], "start: a unit has a file 'start' of its own"),
+                                (["start", "-o", "a.fmu"], "start: a unit has a file 'start' of its own"),
                                 (["table.lua", "-o", "x.fmu", "--with", "x.fmu"], "overwrite"),
                                 (["table.lua", "-o", "y.fmu", "--with", "x.fmu"], "overwrite"),
                                 (["table.lua", "-o", "table.fmu"], "overwrite")):
