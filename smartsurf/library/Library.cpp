@@ -52,10 +52,14 @@ smartsurf_status guarded(const Work& work) noexcept {
 
 [[noreturn]] void refuse(const std::string& why) { throw common::UserError(why); }
 
+void require(const void* given, const char* name) {
+  if (given == nullptr) refuse(std::string(name) + ": is null");
+}
+
 // The caller's struct as this version knows it; members that the caller's version lacks are 0.
 template <class Struct>
 Struct read(const Struct* given, const char* name) {
-  if (given == nullptr) refuse(std::string(name) + ": is null");
+  require(given, name);
   if (given->size < sizeof given->size || given->size > 4096)
     refuse(std::string(name) + ".size = " + std::to_string(given->size) + ": must be sizeof the struct");
   Struct known{};
@@ -83,23 +87,23 @@ const char* smartsurf_error(void) { return last_error.c_str(); }
 
 smartsurf_status smartsurf_load_extension(const char* path) {
   return guarded([&] {
-    if (path == nullptr) refuse("path: is null");
+    require(path, "path");
     smartsurf::extension::load(path);
   });
 }
 
 smartsurf_status smartsurf_create(const smartsurf_options* given, smartsurf_environment** environment) {
   return guarded([&] {
-    if (environment == nullptr) refuse("environment: is null");
+    require(environment, "environment");
     *environment = nullptr;
     const smartsurf_options known = read(given, "options");
-    if (known.file == nullptr) refuse("options.file: is null");
+    require(known.file, "options.file");
     if (known.threads < 0 || known.threads > 1024)
       refuse("options.threads = " + std::to_string(known.threads) + ": must be 1 to 1024");
     smartsurf::simulation::EnvironmentOptions options;
     options.experiment = known.file;
     if (known.text != nullptr) options.source = known.text;
-    if (known.set == nullptr && known.set_count > 0) refuse("options.set: is null");
+    if (known.set_count > 0) require(known.set, "options.set");
     for (std::size_t i = 0; i < known.set_count; ++i) {
       if (known.set[i] == nullptr) refuse("options.set[" + std::to_string(i) + "]: is null");
       const std::string assignment = known.set[i];
@@ -118,6 +122,7 @@ void smartsurf_destroy(smartsurf_environment* environment) { delete environment;
 
 smartsurf_status smartsurf_step(smartsurf_environment* e, smartsurf_result* result) {
   return guarded([&] {
+    require(e, "environment");
     if (result != nullptr) read(result, "result");  // before the step, which cannot be undone
     const auto [reward, terminated, truncated, success] = e->environment.step();
     if (result != nullptr) write({0, reward, terminated, truncated, success}, result, "result");
@@ -126,6 +131,7 @@ smartsurf_status smartsurf_step(smartsurf_environment* e, smartsurf_result* resu
 
 smartsurf_status smartsurf_reset(smartsurf_environment* e, uint64_t seed) {
   return guarded([&] {
+    require(e, "environment");
     e->environment.reset(seed);
     e->collect_channels();
   });
@@ -133,6 +139,7 @@ smartsurf_status smartsurf_reset(smartsurf_environment* e, uint64_t seed) {
 
 smartsurf_status smartsurf_save(smartsurf_environment* e, const void** bytes, size_t* count) {
   return guarded([&] {
+    require(e, "environment"), require(bytes, "bytes"), require(count, "count");
     e->saved = e->environment.save();
     *bytes = e->saved.data();
     *count = e->saved.size();
@@ -141,18 +148,30 @@ smartsurf_status smartsurf_save(smartsurf_environment* e, const void** bytes, si
 
 smartsurf_status smartsurf_restore(smartsurf_environment* e, const void* bytes, size_t count) {
   return guarded([&] {
+    require(e, "environment"), require(bytes, "bytes");
     e->environment.restore({static_cast<const char*>(bytes), count});
     e->collect_channels();
   });
 }
 
 size_t smartsurf_channel_count(const smartsurf_environment* e, smartsurf_direction direction) {
-  return direction == SMARTSURF_SENSORS ? e->sensors.size() : e->actuators.size();
+  if (e == nullptr) return 0;
+  switch (direction) {
+    case SMARTSURF_SENSORS:
+      return e->sensors.size();
+    case SMARTSURF_ACTUATORS:
+      return e->actuators.size();
+  }
+  return 0;
 }
 
 smartsurf_status smartsurf_get_channel(const smartsurf_environment* e, smartsurf_direction direction,
                                        size_t index, smartsurf_channel* channel) {
   return guarded([&] {
+    require(e, "environment");
+    if (direction != SMARTSURF_SENSORS && direction != SMARTSURF_ACTUATORS)
+      refuse("direction = " + std::to_string(direction) +
+             ": must be SMARTSURF_SENSORS or SMARTSURF_ACTUATORS");
     if (index >= smartsurf_channel_count(e, direction))
       refuse("index = " + std::to_string(index) + ": there are " +
              std::to_string(smartsurf_channel_count(e, direction)) + " channels");
@@ -173,6 +192,7 @@ smartsurf_status smartsurf_get_channel(const smartsurf_environment* e, smartsurf
 smartsurf_status smartsurf_set_targets(smartsurf_environment* e, size_t index, const float* targets,
                                        size_t count) {
   return guarded([&] {
+    require(e, "environment"), require(targets, "targets");
     if (index >= e->actuators.size())
       refuse("index = " + std::to_string(index) + ": there are " + std::to_string(e->actuators.size()) +
              " channels");
@@ -185,6 +205,7 @@ smartsurf_status smartsurf_set_targets(smartsurf_environment* e, size_t index, c
 
 smartsurf_status smartsurf_get_state(const smartsurf_environment* e, smartsurf_state* state) {
   return guarded([&] {
+    require(e, "environment");
     const smartsurf::scene::SceneSpec& scene = e->environment.scene();
     const smartsurf::scene::Snapshot& snapshot = e->environment.simulation().snapshot();
     write({.size = 0,

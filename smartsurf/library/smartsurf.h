@@ -6,6 +6,7 @@
  *     if (smartsurf_create(&options, &environment) != SMARTSURF_OK) puts(smartsurf_error());
  *
  * Errors. A function that can fail returns a status; smartsurf_error() is its one line.
+ * Pointers must not be null unless stated otherwise: a null pointer is refused.
  * Ownership. smartsurf_create() makes an environment and smartsurf_destroy() frees it, and with it all arrays
  * and strings that the library has returned for it. Arguments are copied.
  * Threads. An environment is used by one thread at a time; different ones are independent.
@@ -104,6 +105,7 @@ typedef struct smartsurf_channel {
   const float* values;
 } smartsurf_channel;
 
+/* 0 for a null environment and for another direction. */
 SMARTSURF_API size_t smartsurf_channel_count(const smartsurf_environment* environment,
                                              smartsurf_direction direction);
 /* Fills in the index-th channel. */

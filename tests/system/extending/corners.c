@@ -10,6 +10,7 @@ static void expect(int fact, const char* text, int line) {
   exit(1);
 }
 #define EXPECT(fact) expect(fact, #fact, __LINE__)
+#define EXPECT_REFUSED(call, why) EXPECT((call) == SMARTSURF_INVALID && strcmp(smartsurf_error(), why) == 0)
 
 static smartsurf_environment* make(const char* text, const char* assignment) {
   const uint64_t seed = 3;
@@ -110,7 +111,28 @@ int main(void) {
   EXPECT(smartsurf_reset(failing, 1) == SMARTSURF_OK && smartsurf_step(failing, NULL) == SMARTSURF_OK);
   smartsurf_destroy(failing);
 
+  EXPECT_REFUSED(smartsurf_step(NULL, NULL), "environment: is null");
+  EXPECT_REFUSED(smartsurf_reset(NULL, 1), "environment: is null");
+  EXPECT_REFUSED(smartsurf_save(NULL, &bytes, &count), "environment: is null");
+  EXPECT_REFUSED(smartsurf_save(table, NULL, &count), "bytes: is null");
+  EXPECT_REFUSED(smartsurf_save(table, &bytes, NULL), "count: is null");
+  EXPECT_REFUSED(smartsurf_restore(NULL, "", 1), "environment: is null");
+  EXPECT_REFUSED(smartsurf_restore(table, NULL, 0), "bytes: is null");
+  EXPECT_REFUSED(smartsurf_restore(table, NULL, 100), "bytes: is null");
+  EXPECT_REFUSED(smartsurf_set_targets(NULL, 0, targets, 30), "environment: is null");
+  EXPECT_REFUSED(smartsurf_set_targets(table, 0, NULL, 30), "targets: is null");
+  EXPECT_REFUSED(smartsurf_get_state(NULL, &state), "environment: is null");
+  EXPECT_REFUSED(smartsurf_get_state(table, NULL), "state: is null");
+  EXPECT_REFUSED(smartsurf_get_channel(NULL, SMARTSURF_SENSORS, 0, &channel), "environment: is null");
+  EXPECT_REFUSED(smartsurf_get_channel(table, SMARTSURF_SENSORS, 0, NULL), "channel: is null");
+  EXPECT_REFUSED(smartsurf_get_channel(table, (smartsurf_direction)7, 0, &channel),
+                 "direction = 7: must be SMARTSURF_SENSORS or SMARTSURF_ACTUATORS");
+  EXPECT(smartsurf_channel_count(NULL, SMARTSURF_SENSORS) == 0 &&
+         smartsurf_channel_count(table, (smartsurf_direction)7) == 0);
+  EXPECT_REFUSED(smartsurf_load_extension(NULL), "path: is null");
+
   smartsurf_options options = {.size = sizeof options, .file = "none.lua"};
+  EXPECT_REFUSED(smartsurf_create(&options, NULL), "environment: is null");
   smartsurf_environment* none = table;
   EXPECT(smartsurf_create(&options, &none) == SMARTSURF_INVALID && none == NULL);
   EXPECT(smartsurf_create(NULL, &none) == SMARTSURF_INVALID);
