@@ -278,21 +278,37 @@ void Calibration::require_map(const TableMap& map) {
                                     ", more than the whole range of '" + actuator + "', " + number(range));
 }
 
-void Calibration::correct_readings(std::span<float> readings) const {
-  for (std::size_t cell = 0; cell < fits.size(); ++cell)
-    readings[cell] -= static_cast<float>(fits[cell].value[CellFit::kSensorZero]);
+void Calibration::correct_readings(const MountedBoard& board, std::span<float> readings) const {
+  for (std::size_t i = 0; i < board.cells.size(); ++i)
+    if (const std::uint32_t cell = board.cells[i]; board.exists[i])
+      readings[cell] -= static_cast<float>(fits[cell].value[CellFit::kSensorZero]);
 }
 
-void Calibration::correct_commands(std::span<float> heights) {
-  for (std::size_t cell = 0; cell < fits.size(); ++cell) {
+void Calibration::note_height(std::size_t cell, float height) {
+  if (height > last_[cell]) upwards_[cell] = 1;
+  if (height < last_[cell]) upwards_[cell] = -1;
+  last_[cell] = height;
+}
+
+void Calibration::correct_commands(const MountedBoard& board, std::span<float> heights) {
+  for (std::size_t i = 0; i < board.cells.size(); ++i) {
+    const std::uint32_t cell = board.cells[i];
+    if (!board.exists[i]) continue;
     const auto& v = fits[cell].value;
-    const float height = heights[cell];
-    if (height > last_[cell]) upwards_[cell] = 1;
-    if (height < last_[cell]) upwards_[cell] = -1;
-    last_[cell] = height;
+    note_height(cell, heights[cell]);
     heights[cell] = static_cast<float>(
-        (static_cast<double>(height) - v[CellFit::kZero] + 0.5 * upwards_[cell] * v[CellFit::kPlay]) /
+        (static_cast<double>(heights[cell]) - v[CellFit::kZero] + 0.5 * upwards_[cell] * v[CellFit::kPlay]) /
         v[CellFit::kSlope]);
+  }
+}
+
+void Calibration::note_own_command(const MountedBoard& board, float command) {
+  for (std::size_t i = 0; i < board.cells.size(); ++i) {
+    const std::uint32_t cell = board.cells[i];
+    const auto& v = fits[cell].value;
+    const double w = v[CellFit::kZero] + v[CellFit::kSlope] * static_cast<double>(command),
+                 half = 0.5 * v[CellFit::kPlay], last = static_cast<double>(last_[cell]);
+    note_height(cell, static_cast<float>(std::isnan(last) ? w : std::clamp(last, w - half, w + half)));
   }
 }
 

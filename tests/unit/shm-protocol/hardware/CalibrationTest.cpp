@@ -269,6 +269,13 @@ class CalibrationFile : public testing::Test {
     device.channels.push_back({"pin_height", "u", true, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
     return device;
   }
+  static MountedBoard mounted(const DeviceDescription& device) {
+    const TableSpec spec = table();
+    TableMap map(spec);
+    map.mount(0, device);
+    map.freeze();
+    return map.boards()[0];
+  }
   static std::string replaced(std::string text, const std::string& from, const std::string& to) {
     const std::size_t at = text.find(from);
     EXPECT_NE(at, text.npos) << from;
@@ -404,31 +411,51 @@ TEST_F(CalibrationFile, OfAnotherTableIsRefused) {
             "10: is the calibration of another table: of 2 rows of 3 cells, not 3 of 2");
 }
 
+// Also after the board has gone to its safe values, from which the cells come back from below.
 TEST_F(CalibrationFile, LeadsTheCellsWhereTheyAreSent) {
   Calibration c = Calibration::read(write(calibration_.text()));
+  const MountedBoard board = mounted(device());
   ImperfectPins uncorrected(6, kRange, kPeriod_s, 11);
   std::vector<float> heights(6), commands(6), readings(6);
   double with = 0, without = 0;
-  for (const float target : {2.0F, 3.0F, 1.5F, 1.0F, 2.5F}) {
+  constexpr float kSafe = 0;
+  for (const float target : {2.0F, 3.0F, 1.5F, kSafe, 1.5F, 1.0F, 2.5F}) {
     std::ranges::fill(heights, target);
     for (int k = 0; k < 200; ++k) {
       commands = heights;
-      c.correct_commands(commands);
+      if (target == kSafe)
+        c.note_own_command(board, kSafe);
+      else
+        c.correct_commands(board, commands);
       pins_->advance(commands);
       uncorrected.advance(heights);
     }
     for (std::size_t cell = 0; cell < 6; ++cell) readings[cell] = static_cast<float>(pins_->read(cell));
-    c.correct_readings(readings);
+    c.correct_readings(board, readings);
     for (std::size_t cell = 0; cell < 6; ++cell) {
       if (pins_->cells()[cell].state != 0) continue;
       // Before its first change, a height has no direction.
-      if (target == 2.0F) continue;
+      if (target == 2.0F || target == kSafe) continue;
       EXPECT_NEAR(readings[cell], target, 0.06F) << cell;
       with += std::abs(static_cast<double>(readings[cell] - target));
       without += std::abs(uncorrected.read(cell) - static_cast<double>(target));
     }
   }
   EXPECT_LT(with, without / 3);
+}
+
+TEST_F(CalibrationFile, LeavesCellsOfOtherBoardsAlone) {
+  Calibration c = Calibration::read(write(calibration_.text()));
+  DeviceDescription masked = device();
+  masked.mask = {1, 0, 1, 1, 0, 1};
+  const MountedBoard board = mounted(masked);
+  std::vector<float> readings(6, 2.0F), commands(6, 2.0F);
+  c.correct_readings(board, readings);
+  c.correct_commands(board, commands);
+  for (std::size_t cell = 0; cell < 6; ++cell) {
+    EXPECT_EQ(readings[cell] == 2.0F, masked.mask[cell] == 0) << cell;
+    EXPECT_EQ(commands[cell] == 2.0F, masked.mask[cell] == 0) << cell;
+  }
 }
 
 TEST_F(CalibrationFile, NamesTheCellsToAdjust) {
