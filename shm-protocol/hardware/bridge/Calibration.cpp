@@ -6,6 +6,8 @@
 #include <limits>
 
 #include "common/chart/CellMaps.h"
+#include "common/text/Number.h"
+#include "common/text/Words.h"
 #include "shm-protocol/hardware/bridge/TomlReader.h"
 
 namespace hardware {
@@ -21,21 +23,6 @@ constexpr CellFit::Parameter kLengths[] = {CellFit::kZero, CellFit::kPlay, CellF
 
 bool may_be_negative(std::size_t parameter) {
   return parameter < CellFit::kPlay || parameter > CellFit::kDelay;
-}
-
-std::string quoted(const std::string& text) {
-  std::string all = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') all += '\\';
-    if (static_cast<unsigned char>(c) >= ' ' && c != '\x7f') {
-      all += c;
-      continue;
-    }
-    char escape[8];  // TOML allows no control characters
-    std::snprintf(escape, sizeof escape, "\\u%04X", static_cast<unsigned>(c));
-    all += escape;
-  }
-  return all + "\"";
 }
 
 std::string number(double value) {
@@ -196,12 +183,13 @@ std::string Calibration::text() const {
       "# Written by surface_bridge calibrate. Matrices have a line per row of cells, the first one north.\n"
       "# state: 0 good, 1 stuck, 2 dead. error: standard errors; 0: the value is not measured.\n"
       "format = " +
-      quoted(kFormat) + "\ntable = " + quoted(table) + "\nactuator = " + quoted(actuator) +
-      "\nsensor = " + quoted(sensor) + "\nunit = " + quoted(unit) +
-      "\nperiod_us = " + std::to_string(period_us) + "\nrest = " + (has_rest ? "true" : "false") +
-      "\nsize = [" + std::to_string(rows) + ", " + std::to_string(columns) + "]\n";
+      common::toml_text(kFormat) + "\ntable = " + common::toml_text(table) +
+      "\nactuator = " + common::toml_text(actuator) + "\nsensor = " + common::toml_text(sensor) +
+      "\nunit = " + common::toml_text(unit) + "\nperiod_us = " + std::to_string(period_us) +
+      "\nrest = " + (has_rest ? "true" : "false") + "\nsize = [" + std::to_string(rows) + ", " +
+      std::to_string(columns) + "]\n";
   for (const Place& b : boards)
-    all += "\n[[board]]\n" + (b.id.empty() ? "" : "id = " + quoted(b.id) + "\n") + "at = [" +
+    all += "\n[[board]]\n" + (b.id.empty() ? "" : "id = " + common::toml_text(b.id) + "\n") + "at = [" +
            std::to_string(b.row) + ", " + std::to_string(b.column) + "]\nturn = " + std::to_string(b.turn) +
            "\nmirror = " + (b.mirror ? "true" : "false") + "\n";
   const auto matrix = [&](const char* name, auto value) {
@@ -215,8 +203,8 @@ std::string Calibration::text() const {
   matrix("value", [](const CellFit& f) { return std::to_string(static_cast<int>(f.state)); });
   for (std::size_t p = 0; p < CellFit::kCount; ++p) {
     all += std::string("\n[") + kCellParameters[p].name + "]\n";
-    matrix("value", [&](const CellFit& f) { return number(f.value[p]); });
-    matrix("error", [&](const CellFit& f) { return number(f.error[p]); });
+    matrix("value", [&](const CellFit& f) { return common::shortest(f.value[p]); });
+    matrix("error", [&](const CellFit& f) { return common::shortest(static_cast<float>(f.error[p])); });
   }
   return all;
 }

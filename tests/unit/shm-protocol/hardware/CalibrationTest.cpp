@@ -293,8 +293,7 @@ TEST_F(CalibrationFile, IsReadAsWritten) {
   ASSERT_EQ(read.fits.size(), 6u);
   for (std::size_t cell = 0; cell < 6; ++cell)
     for (std::size_t p = 0; p < CellFit::kCount; ++p) {
-      EXPECT_NEAR(read.fits[cell].value[p], calibration_.fits[cell].value[p],
-                  1e-5 * std::abs(calibration_.fits[cell].value[p]));
+      EXPECT_EQ(read.fits[cell].value[p], calibration_.fits[cell].value[p]);
       EXPECT_EQ(read.fits[cell].error[p], 0.25);
     }
   EXPECT_EQ(read.text(), calibration_.text());

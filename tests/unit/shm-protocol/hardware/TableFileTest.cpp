@@ -2,9 +2,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
+#include "common/text/Number.h"
+#include "common/text/Words.h"
 #include "shm-protocol/hardware/bridge/TableFile.h"
 
 namespace hardware {
@@ -52,6 +56,23 @@ TEST_F(TableFile, ReadsBoards) {
   EXPECT_TRUE(spec.boards[1].mirror);
   EXPECT_EQ(spec.boards[1].size, (std::pair<std::uint32_t, std::uint32_t>{4, 6}));
   EXPECT_EQ(spec.boards[1].without, std::vector<std::string>{"load"});
+}
+
+// As programs write them.
+TEST_F(TableFile, TextsAndNumbersAreReadAsWritten) {
+  std::mt19937 random(3);
+  for (int round = 0; round < 200; ++round) {
+    const float pitch =
+        std::ldexp(1 + static_cast<float>(random()) * 0x1p-32F, static_cast<int>(random() % 40) - 20);
+    std::string device = "/";
+    for (int i = 0; i < 20; ++i) device += random() % 8 ? static_cast<char>(random() % 127 + 1) : '"';
+    device += "\u00e9";
+    const TableSpec spec =
+        read_table(write("name = \"t\"\nperiod_us = 5000\npitch = " + common::shortest(pitch) +
+                         "\n[[board]]\nat = [0, 0]\ndevice = " + common::toml_text(device)));
+    EXPECT_EQ(static_cast<float>(*spec.pitch), pitch);
+    EXPECT_EQ(spec.boards[0].port.text, device);
+  }
 }
 
 TEST_F(TableFile, MistakesAreNamedWithTheirLine) {
