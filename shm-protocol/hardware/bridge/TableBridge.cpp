@@ -260,6 +260,7 @@ void TableBridge::log_events() {
     for (const std::string& line : board->reports) log_.add_report(line);
     board->reports.clear();
   }
+  log_.print_due();
 }
 
 // ---- ticks
