@@ -14,7 +14,7 @@ namespace hardware {
 namespace {
 
 constexpr const char* kFormat = "smartsurf calibration 1";
-constexpr const char* kStateNames[] = {"good", "stuck", "dead"};
+constexpr const char* kStateNames[] = {"good", "stuck", "dead", "absent"};
 constexpr std::size_t kMaxBytes = std::size_t{1} << 28;
 // The bounds of values and errors in a file, and of slopes.
 constexpr double kMaxValue = 1e6, kMinSlope = 0.1;
@@ -147,8 +147,8 @@ Calibration Calibration::read(const std::filesystem::path& path) {
     reader.fail(TomlReader::line_of(*first),
                 "state: value must have " + std::to_string(c.columns) + " columns");
   c.fits.resize(c.cells());
-  constexpr const char* kStates = "0, 1 or 2";
-  read_map(reader, states, "state: ", "value", c, 2, kStates,
+  constexpr const char* kStates = "0, 1, 2 or 3";
+  read_map(reader, states, "state: ", "value", c, 3, kStates,
            [&](std::size_t cell, double v, std::size_t line) {
              if (v != std::floor(v) || v < 0)
                reader.fail(line, "state: " + number(v) + " must be " + kStates);
@@ -181,7 +181,7 @@ Calibration Calibration::read(const std::filesystem::path& path) {
 std::string Calibration::text() const {
   std::string all =
       "# Written by surface_bridge calibrate. Matrices have a line per row of cells, the first one north.\n"
-      "# state: 0 good, 1 stuck, 2 dead. error: standard errors; 0: the value is not measured.\n"
+      "# state: 0 good, 1 stuck, 2 dead, 3 absent. error: standard errors; 0: the value is not measured.\n"
       "format = " +
       common::toml_text(kFormat) + "\ntable = " + common::toml_text(table) +
       "\nactuator = " + common::toml_text(actuator) + "\nsensor = " + common::toml_text(sensor) +
@@ -315,6 +315,7 @@ std::vector<std::string> cells_to_adjust(const Calibration& c, double lowest, do
   std::vector<std::string> list;
   for (std::size_t cell = 0; cell < c.cells(); ++cell) {
     const CellFit& fit = c.fits[cell];
+    if (fit.state == CellState::kAbsent) continue;
     const auto& v = fit.value;
     std::string why;
     const auto add = [&](const std::string& what) { why += (why.empty() ? "" : "; ") + what; };
@@ -339,7 +340,7 @@ std::vector<std::string> cells_to_adjust(const Calibration& c, double lowest, do
 }
 
 std::string calibration_maps(const Calibration& c) {
-  std::vector<common::CellMap> maps{{"state: 0 good, 1 stuck, 2 dead", {}}};
+  std::vector<common::CellMap> maps{{"state: 0 good, 1 stuck, 2 dead, 3 absent", {}}};
   for (const CellFit& fit : c.fits) maps[0].values.push_back(static_cast<double>(fit.state));
   for (std::size_t p = 0; p < CellFit::kCount; ++p) {
     const CellParameter& parameter = kCellParameters[p];

@@ -2,6 +2,7 @@
 // by the bridge.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -49,6 +50,9 @@ class Calibration {
   void note_own_command(const MountedBoard&, float command);
 
   std::size_t cells() const { return std::size_t{rows} * columns; }
+  std::size_t present_cells() const {
+    return cells() - static_cast<std::size_t>(std::ranges::count(fits, CellState::kAbsent, &CellFit::state));
+  }
 
   std::string file, table, actuator, sensor, unit;
   std::uint32_t rows = 0, columns = 0, period_us = 0;

@@ -6,11 +6,13 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -365,7 +367,7 @@ TEST_F(CalibrationFile, MistakesAreNamedWithTheirLine) {
   EXPECT_EQ(error(replaced(text, "size = [2, 3]", "size = [60000, 60000]")),
             "18: state: value must have 60000 rows");
   EXPECT_EQ(error(replaced(text, "[0, 0, 0]", "[0, 7, 0]")),
-            "20: state: value of row 0, column 1 is 7.0, must be 0, 1 or 2");
+            "20: state: value of row 0, column 1 is 7.0, must be 0, 1, 2 or 3");
   EXPECT_EQ(error(replaced(text, "smartsurf calibration 1", "smartsurf calibration 9")).substr(0, 23),
             "3: format must be \"smar");
   EXPECT_EQ(error(text.substr(0, text.find("[lag]"))), "1: [lag] is missing: the file is not whole");
@@ -457,12 +459,40 @@ TEST_F(CalibrationFile, LeavesCellsOfOtherBoardsAlone) {
   }
 }
 
+// Nothing is fitted to holes, masked cells and boards that are not there.
+TEST_F(CalibrationFile, SaysWhatIsAbsent) {
+  TableSpec spec = table();
+  spec.holes = true;
+  spec.boards.push_back(spec.boards[0]);
+  spec.boards[1].id = "b";
+  spec.boards[1].column = 4;
+  spec.boards[1].size = {2, 3};
+  TableMap map(spec);
+  map.mount(0, device());
+  map.freeze();
+  std::vector<std::unique_ptr<Board>> boards;
+  for (const TableBoard& board : spec.boards)
+    boards.push_back(std::make_unique<Board>(board, spec.period_us, std::chrono::seconds(1)));
+  const std::vector<std::uint32_t> age(2, 1);
+  std::vector<std::vector<float>> planes(2, std::vector<float>(14));
+  Calibrator calibrator(spec, {});
+  (void)calibrator.drive({1, map, boards, age, planes, false});
+  EXPECT_EQ(calibrator.absent_boards(), (std::vector<std::string>{"board 'a'", "board 'b'"}));
+  const Calibration fitted = calibrator.fit();
+  EXPECT_EQ(fitted.cells(), 14U);
+  EXPECT_EQ(fitted.present_cells(), 0U);
+  EXPECT_TRUE(cells_to_adjust(fitted, 0, kRange).empty());
+  EXPECT_EQ(Calibration::read(write(fitted.text())).present_cells(), 0U);
+}
+
 TEST_F(CalibrationFile, NamesTheCellsToAdjust) {
   for (CellFit& fit : calibration_.fits) fit.value = {0, 1, 0.01, 10, 10, 0.02, 0, 0, 0.004};
   EXPECT_TRUE(cells_to_adjust(calibration_, 0, kRange).empty());
   calibration_.fits[0].state = CellState::kStuck;
   calibration_.fits[2].value[CellFit::kSlope] = 0.8;
   calibration_.fits[4].value[CellFit::kSpeedUp] = 4;
+  calibration_.fits[5].state = CellState::kAbsent;
+  EXPECT_EQ(calibration_.present_cells(), 5U);
   EXPECT_EQ(cells_to_adjust(calibration_, 0, kRange),
             (std::vector<std::string>{"row 0 column 0: stuck", "row 0 column 2: reaches 3.2 u of 4.0",
                                       "row 1 column 1: slow upwards"}));

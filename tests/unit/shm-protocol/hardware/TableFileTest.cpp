@@ -102,6 +102,8 @@ TEST_F(TableFile, MistakesAreNamedWithTheirLine) {
       {"name = \"t\"\n" + kBoard, "1: period_us is missing"},
       {"name = \"t\"\nperiod_us = 5\n" + kBoard, "2: period_us is 5, must be"},
       {"name = \"t\"\nperiod_us = 5000\npitch = 0\n" + kBoard, "3: pitch must be a length above 0"},
+      {"name = \"t\"\nperiod_us = 5000\ncalibration = \"\"\n" + kBoard,
+       "3: calibration is empty: must name a file"},
       {kHead + "board = 3\n", "4: board must be [[board]] tables"},
       {kHead, " has no [[board]]"},
       {kHead + kBoard + "turn = ", "8: "},
