@@ -8,6 +8,7 @@
 #include "apron/compiler/DefiniteAssignment.h"
 #include "apron/compiler/Lowering.h"
 #include "apron/compiler/PaletteCheck.h"
+#include "apron/program/BoundaryFlow.h"
 #include "apron/syntax/Parser.h"
 #include "apron/syntax/Preprocessor.h"
 
@@ -23,13 +24,37 @@ void check_definite_assignment(const program::Program& program, const Lowering& 
   }
 }
 
+syntax::Location location_of(const program::Program& program, std::size_t instruction,
+                             const syntax::SourceManager& sources) {
+  const program::SourceLocation* at = program::find_location(program, instruction);
+  for (std::uint32_t file = 0; at && file < sources.file_count(); ++file)
+    if (sources.file(file).name == program.files[at->file])
+      return {file, at->line, at->column, at->expansion};
+  return {};
+}
+
+// Numbers that meet registers of integers beyond the edge, as Lowering::check_cell_values() those that meet
+// them elsewhere.
+void check_boundaries(const program::Program& program, const syntax::SourceManager& sources,
+                      syntax::Diagnostics& diagnostics) {
+  for (const program::BoundaryMismatch& found : program::find_boundary_mismatches(program))
+    diagnostics.error(location_of(program, found.instruction, sources),
+                      fmt::format("{}, the boundary's value, is no {}, the type of the registers that it "
+                                  "meets: a whole number from {} to {}",
+                                  found.value, program::cell_type_name(found.type),
+                                  program::lowest_cell(found.type), program::highest_cell(found.type)));
+}
+
 // Checks that need the whole program.
-void check_program(const program::Program& program, std::size_t max_addr, syntax::Diagnostics& diagnostics) {
+void check_program(const program::Program& program, std::size_t max_addr,
+                   const syntax::SourceManager& sources, syntax::Diagnostics& diagnostics) {
   if (program.code.size() > max_addr) {
     diagnostics.error({}, fmt::format("the program has {} instructions, and '!max_addr' allows {}",
                                       program.code.size(), max_addr));
   } else if (const std::string error = program::verify(program); !error.empty()) {
     diagnostics.error({}, error);
+  } else {
+    check_boundaries(program, sources, diagnostics);
   }
 }
 
@@ -47,7 +72,7 @@ std::optional<program::Program> compile_program(const CompileOptions& options, s
   lowering.lower_program(statements);
   program::Program program = lowering.finish();
   if (diagnostics.empty()) check_definite_assignment(program, lowering, diagnostics);
-  if (diagnostics.empty()) check_program(program, preprocessor.max_addr(), diagnostics);
+  if (diagnostics.empty()) check_program(program, preprocessor.max_addr(), sources, diagnostics);
   if (!diagnostics.empty()) return std::nullopt;
   return program;
 }

@@ -212,7 +212,9 @@ class Tracer {
     Node node;
     node.kind = NodeKind::kRead;
     node.type = graph_->node(a).type;
-    node.operands = {a, rule_ == BoundaryRule::kValue ? scalars_[slots_.boundary()] : graph_->literal(0.0),
+    node.operands = {a,
+                     rule_ == BoundaryRule::kValue ? cell_number(scalars_[slots_.boundary()], node.type)
+                                                   : graph_->literal(0.0),
                      kNoNode};
     node.dx = static_cast<std::int8_t>(dx);
     node.dy = static_cast<std::int8_t>(dy);
@@ -359,11 +361,13 @@ class Tracer {
     return value;
   }
 
-  // An operand of an element-wise instruction. A number that the register's type does not hold is limited,
-  // where the virtual machine stops the program.
+  // An operand of an element-wise instruction.
   NodeId number(const Instruction& instruction, std::size_t operand) {
-    const NodeId id = source(instruction.operands[operand]);
-    const CellType type = program_.registers[instruction.destination.index].type;
+    return cell_number(source(instruction.operands[operand]),
+                       program_.registers[instruction.destination.index].type);
+  }
+  // A number that the type does not hold is limited, where the virtual machine stops the program.
+  NodeId cell_number(NodeId id, CellType type) {
     if (id == kNoNode || !graph_->is_scalar(id) || !program::is_integer(type)) return id;
     if (const auto value = graph_->value(id); value && !program::is_cell_value(type, *value))
       warn(fmt::format("warning: {:g} is no {}: a board limits it to the type's values", *value,
@@ -442,7 +446,9 @@ class Tracer {
         return write_register(to, same_type(source(group_member(instruction)), to), instruction.masked);
       case Opcode::kResSetReg: {
         const Operand member = group_member(instruction);
-        return write_register(member, same_type(source(from[2]), member), instruction.masked);
+        const NodeId value = same_type(source(from[2]), member);
+        return write_register(member, cell_number(value, program_.registers[member.index].type),
+                              instruction.masked);
       }
       case Opcode::kMatrixProduct:
         return multiply_matrix(instruction);

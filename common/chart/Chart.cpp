@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "common/index/Index.h"
+#include "common/text/Printable.h"
 
 namespace common {
 namespace {
@@ -96,13 +97,14 @@ void draw_line(cairo_t* cr, double x1, double y1, double x2, double y2) {
 double text_width(cairo_t* cr, const std::string& text, double size) {
   select_font(cr, size, false);
   cairo_text_extents_t extents;
-  cairo_text_extents(cr, text.c_str(), &extents);
+  cairo_text_extents(cr, printable(text).c_str(), &extents);
   return extents.x_advance;
 }
 
-void draw_text(cairo_t* cr, double x, double y, const std::string& whole_text, double size, Align align,
+void draw_text(cairo_t* cr, double x, double y, const std::string& any_text, double size, Align align,
                bool bold, double max_width) {
   select_font(cr, size, bold);
+  const std::string whole_text = printable(any_text);  // Cairo draws nothing after a text that is not UTF-8
   std::string text = whole_text;
   cairo_text_extents_t extents;
   cairo_text_extents(cr, text.c_str(), &extents);

@@ -20,13 +20,6 @@ std::vector<std::string_view> split_csv_line(std::string_view line);
 // Appends a field as RFC 4180 has it: quoted where it holds a comma, a quote or a line break.
 void append_csv_field(std::string& text, std::string_view field);
 
-// Appends the shortest text that reads back to the same bits.
-template <class Number>
-void append_csv_number(std::string& text, Number number) {
-  char digits[32];
-  text.append(digits, std::to_chars(digits, digits + sizeof digits, number).ptr);
-}
-
 // Parses the whole text as a number; a plus sign may precede it. A floating-point number out of range becomes
 // infinite or 0.
 template <class Number>

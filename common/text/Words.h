@@ -1,4 +1,4 @@
-// Lists of words, words in lower case, and words of a shell.
+// Lists of words, words in lower case, words of a shell and texts of TOML.
 #pragma once
 
 #include <algorithm>
@@ -43,6 +43,20 @@ inline std::string shell_word(const std::string& text) {
   std::string quoted = "'";
   for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return quoted + "'";
+}
+
+// As a value of TOML, which allows no control characters.
+inline std::string toml_text(std::string_view text) {
+  constexpr std::string_view kDigits = "0123456789ABCDEF";
+  std::string quoted = "\"";
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < ' ' || byte == 0x7F)
+      quoted.append("\\u00").append({kDigits[byte / 16], kDigits[byte % 16]});
+    else
+      quoted.append(c == '"' || c == '\\' ? "\\" : "").append(1, c);
+  }
+  return quoted + '"';
 }
 
 }  // namespace common

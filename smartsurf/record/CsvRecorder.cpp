@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/csv/Csv.h"
+#include "common/text/Number.h"
 
 namespace smartsurf::record {
 namespace {
@@ -82,15 +83,15 @@ void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
   if (!is_writing()) return;
   has_frames_ = true;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
-    common::append_csv_number(lines_, snapshot.tick);
+    common::append_shortest(lines_, snapshot.tick);
     lines_ += ',';
-    common::append_csv_number(lines_, snapshot.time_s);
+    common::append_shortest(lines_, snapshot.time_s);
     lines_ += ',';
-    common::append_csv_number(lines_, snapshot.id[i]);
+    common::append_shortest(lines_, snapshot.id[i]);
     lines_ += ',';
     common::append_csv_field(lines_, catalogue.at(snapshot.id[i]).label);
-    for (const float v : snapshot.position[i]) common::append_csv_number(lines_ += ',', v);
-    for (const float v : snapshot.orientation[i]) common::append_csv_number(lines_ += ',', v);
+    for (const float v : snapshot.position[i]) common::append_shortest(lines_ += ',', v);
+    for (const float v : snapshot.orientation[i]) common::append_shortest(lines_ += ',', v);
     lines_ += '\n';
   }
   if (lines_.size() >= kBufferBytes || std::chrono::steady_clock::now() - last_flush_ >= kMaxFlushInterval)

@@ -81,7 +81,8 @@ void write_stats(const std::string& file, const std::vector<Outcome>& outcomes, 
                                        {"wall_s", wall_s},
                                        {"real_time_factor", wall_s > 0.0 ? simulated_s / wall_s : 0.0},
                                        {"runs", runs}};
-  replace_output_file("--stats", file, summary.dump(2) + "\n");
+  replace_output_file("--stats", file,
+                      summary.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
 }
 
 }  // namespace

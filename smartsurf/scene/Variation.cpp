@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -15,12 +14,6 @@ namespace {
 
 constexpr std::array<std::string_view, 3> kModeNames{"absolute", "factor", "offset"};
 
-std::string shortest(double value) {
-  std::array<char, 32> digits{};
-  const auto [end, error] = std::to_chars(digits.data(), digits.data() + digits.size(), value);
-  return {digits.data(), end};
-}
-
 }  // namespace
 
 std::string_view name_of(Variation::Mode mode) { return kModeNames[static_cast<std::size_t>(mode)]; }
@@ -32,8 +25,8 @@ std::optional<Variation::Mode> find_variation_mode(std::string_view name) {
 }
 
 std::string to_text(const Variation& v) {
-  std::string text = shortest(v.low);
-  if (v.high != v.low) text += ":" + shortest(v.high);
+  std::string text = common::shortest(v.low);
+  if (v.high != v.low) text += ":" + common::shortest(v.high);
   if (v.mode != Variation::Mode::kAbsolute) text += ":" + std::string(name_of(v.mode));
   return text;
 }

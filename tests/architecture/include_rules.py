@@ -18,7 +18,7 @@ MODULES = {
     "common/controller": set(),
     "common/color": {"common/error"},
     "common/axis": set(),
-    "common/chart": {"common/axis", "common/color", "common/index"},
+    "common/chart": {"common/axis", "common/color", "common/index", "common/text"},
     "common/csv": set(),
     "common/state": {"common/error"},
     "common/files": {"common/error"},

@@ -291,7 +291,7 @@ std::string profile_json(const program::Program& program, const std::vector<vm::
     sum.write_json(line, model.has_value());
   }
   report["program"] = std::move(instructions);
-  return report.dump(1) + "\n";
+  return report.dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace apron::run

@@ -4,7 +4,6 @@
 
 namespace apron::vm {
 
-using program::BoundaryRule;
 using program::Instruction;
 using program::Opcode;
 using program::Operand;
@@ -39,13 +38,14 @@ bool overwrites_every_cell(const Instruction& in, bool has_masks) {
 }  // namespace
 
 FlowAnalysis::FlowAnalysis(const program::Program& program, const ObservedRegisters& observed)
-    : program_(program), branch_targets_(program.code.size(), false), boundary_(program.code.size()) {
+    : program_(program),
+      branch_targets_(program.code.size(), false),
+      boundary_(program::boundaries_in_force(program)) {
   find_branch_targets();
-  // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
+  // A return has an edge to every return site. Above the limit all registers count as live.
   const std::size_t returns =
       std::ranges::count_if(program.code, [](const Instruction& in) { return in.op == Opcode::kReturn; });
   if (returns * return_sites_.size() > kMaxReturnEdges) return;
-  compute_boundaries();
   compute_liveness(observed);
 }
 
@@ -61,43 +61,6 @@ void FlowAnalysis::find_branch_targets() {
     has_masks_ = has_masks_ || name.substr(0, 5) == "mask.";
     if (in.op == Opcode::kBoundary && program_.literals[in.operands[0].index] != 0.0F)
       has_only_zero_boundaries_ = false;
-  }
-}
-
-// Forward data-flow analysis: constant propagation of the boundary condition, which is zero at the start.
-void FlowAnalysis::compute_boundaries() {
-  constexpr std::uint8_t kUnvisited = 0, kConstant = 1, kVarying = 2;
-  std::vector<std::uint8_t> state(program_.code.size(), kUnvisited);
-  std::vector<std::size_t> worklist;
-  const auto merge = [&](std::size_t at, const std::optional<BoundaryCondition>& boundary) {
-    const auto differs = [&] {
-      return !boundary || boundary->rule != boundary_[at]->rule || boundary->value != boundary_[at]->value;
-    };
-    if (state[at] == kUnvisited) {
-      state[at] = boundary ? kConstant : kVarying;
-      boundary_[at] = boundary;
-    } else if (state[at] == kConstant && differs()) {
-      state[at] = kVarying;
-      boundary_[at].reset();
-    } else {
-      return;
-    }
-    worklist.push_back(at);
-  };
-  merge(0, BoundaryCondition{});
-  while (!worklist.empty()) {
-    const std::size_t at = worklist.back();
-    worklist.pop_back();
-    const Instruction& in = program_.code[at];
-    std::optional<BoundaryCondition> after = boundary_[at];
-    if (in.op == Opcode::kBoundary) {
-      const auto rule = static_cast<BoundaryRule>(program_.literals[in.operands[0].index]);
-      const bool fixed = rule != BoundaryRule::kValue || in.operands[1].kind == OperandKind::kLiteral;
-      after = BoundaryCondition{rule, 0.0};
-      if (rule == BoundaryRule::kValue && fixed) after->value = program_.literals[in.operands[1].index];
-      if (!fixed || after->value != after->value) after.reset();
-    }
-    for_each_successor(at, [&](std::size_t next) { merge(next, after); });
   }
 }
 

@@ -50,7 +50,6 @@ class FlowAnalysis {
     return op == program::Opcode::kJump || op == program::Opcode::kReturn || op == program::Opcode::kEnd;
   }
   void find_branch_targets();
-  void compute_boundaries();
   void compute_liveness(const ObservedRegisters& observed);
   bool liveness_pass(const std::vector<std::uint64_t>& always_live,
                      const std::vector<std::uint64_t>& live_at_end);

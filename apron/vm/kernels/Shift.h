@@ -3,16 +3,14 @@
 
 #include <cstdint>
 
+#include "apron/program/BoundaryFlow.h"
 #include "apron/program/Program.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/kernels/Executor.h"
 
 namespace apron::vm {
 
-struct BoundaryCondition {
-  program::BoundaryRule rule = program::BoundaryRule::kZero;
-  double value = 0.0;  // a scalar, with kValue
-};
+using program::BoundaryCondition;
 
 struct Offset {
   std::int64_t dx = 0, dy = 0;  // cells east, cells south

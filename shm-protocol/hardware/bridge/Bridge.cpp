@@ -128,6 +128,7 @@ std::optional<Outcome> Bridge::await_device(std::optional<milliseconds> timeout,
   std::string why = options_.port.text + " does not answer";
   while (!line_.link().described()) {
     if (stop_.load()) return Outcome::kStopped;
+    log_.print_due();
     serve_control();
     if (timeout && Clock::now() - start > *timeout) {
       log_.add("error: " + lost(why));
@@ -317,6 +318,7 @@ std::optional<Outcome> Bridge::serve_once() {
   const bool passive = options_.mode == Mode::kPassive;
   poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (const auto end = end_of_fault()) return end;
+  log_.print_due();
   serve_control();
   check_emergency_stop();
   if (frame_ready_ && !awaiting_answer_) publish();

@@ -6,13 +6,15 @@
 #include <limits>
 
 #include "common/chart/CellMaps.h"
+#include "common/text/Number.h"
+#include "common/text/Words.h"
 #include "shm-protocol/hardware/bridge/TomlReader.h"
 
 namespace hardware {
 namespace {
 
 constexpr const char* kFormat = "smartsurf calibration 1";
-constexpr const char* kStateNames[] = {"good", "stuck", "dead"};
+constexpr const char* kStateNames[] = {"good", "stuck", "dead", "absent"};
 constexpr std::size_t kMaxBytes = std::size_t{1} << 28;
 // The bounds of values and errors in a file, and of slopes.
 constexpr double kMaxValue = 1e6, kMinSlope = 0.1;
@@ -21,21 +23,6 @@ constexpr CellFit::Parameter kLengths[] = {CellFit::kZero, CellFit::kPlay, CellF
 
 bool may_be_negative(std::size_t parameter) {
   return parameter < CellFit::kPlay || parameter > CellFit::kDelay;
-}
-
-std::string quoted(const std::string& text) {
-  std::string all = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') all += '\\';
-    if (static_cast<unsigned char>(c) >= ' ' && c != '\x7f') {
-      all += c;
-      continue;
-    }
-    char escape[8];  // TOML allows no control characters
-    std::snprintf(escape, sizeof escape, "\\u%04X", static_cast<unsigned>(c));
-    all += escape;
-  }
-  return all + "\"";
 }
 
 std::string number(double value) {
@@ -160,8 +147,8 @@ Calibration Calibration::read(const std::filesystem::path& path) {
     reader.fail(TomlReader::line_of(*first),
                 "state: value must have " + std::to_string(c.columns) + " columns");
   c.fits.resize(c.cells());
-  constexpr const char* kStates = "0, 1 or 2";
-  read_map(reader, states, "state: ", "value", c, 2, kStates,
+  constexpr const char* kStates = "0, 1, 2 or 3";
+  read_map(reader, states, "state: ", "value", c, 3, kStates,
            [&](std::size_t cell, double v, std::size_t line) {
              if (v != std::floor(v) || v < 0)
                reader.fail(line, "state: " + number(v) + " must be " + kStates);
@@ -194,14 +181,15 @@ Calibration Calibration::read(const std::filesystem::path& path) {
 std::string Calibration::text() const {
   std::string all =
       "# Written by surface_bridge calibrate. Matrices have a line per row of cells, the first one north.\n"
-      "# state: 0 good, 1 stuck, 2 dead. error: standard errors; 0: the value is not measured.\n"
+      "# state: 0 good, 1 stuck, 2 dead, 3 absent. error: standard errors; 0: the value is not measured.\n"
       "format = " +
-      quoted(kFormat) + "\ntable = " + quoted(table) + "\nactuator = " + quoted(actuator) +
-      "\nsensor = " + quoted(sensor) + "\nunit = " + quoted(unit) +
-      "\nperiod_us = " + std::to_string(period_us) + "\nrest = " + (has_rest ? "true" : "false") +
-      "\nsize = [" + std::to_string(rows) + ", " + std::to_string(columns) + "]\n";
+      common::toml_text(kFormat) + "\ntable = " + common::toml_text(table) +
+      "\nactuator = " + common::toml_text(actuator) + "\nsensor = " + common::toml_text(sensor) +
+      "\nunit = " + common::toml_text(unit) + "\nperiod_us = " + std::to_string(period_us) +
+      "\nrest = " + (has_rest ? "true" : "false") + "\nsize = [" + std::to_string(rows) + ", " +
+      std::to_string(columns) + "]\n";
   for (const Place& b : boards)
-    all += "\n[[board]]\n" + (b.id.empty() ? "" : "id = " + quoted(b.id) + "\n") + "at = [" +
+    all += "\n[[board]]\n" + (b.id.empty() ? "" : "id = " + common::toml_text(b.id) + "\n") + "at = [" +
            std::to_string(b.row) + ", " + std::to_string(b.column) + "]\nturn = " + std::to_string(b.turn) +
            "\nmirror = " + (b.mirror ? "true" : "false") + "\n";
   const auto matrix = [&](const char* name, auto value) {
@@ -215,8 +203,8 @@ std::string Calibration::text() const {
   matrix("value", [](const CellFit& f) { return std::to_string(static_cast<int>(f.state)); });
   for (std::size_t p = 0; p < CellFit::kCount; ++p) {
     all += std::string("\n[") + kCellParameters[p].name + "]\n";
-    matrix("value", [&](const CellFit& f) { return number(f.value[p]); });
-    matrix("error", [&](const CellFit& f) { return number(f.error[p]); });
+    matrix("value", [&](const CellFit& f) { return common::shortest(f.value[p]); });
+    matrix("error", [&](const CellFit& f) { return common::shortest(static_cast<float>(f.error[p])); });
   }
   return all;
 }
@@ -278,21 +266,37 @@ void Calibration::require_map(const TableMap& map) {
                                     ", more than the whole range of '" + actuator + "', " + number(range));
 }
 
-void Calibration::correct_readings(std::span<float> readings) const {
-  for (std::size_t cell = 0; cell < fits.size(); ++cell)
-    readings[cell] -= static_cast<float>(fits[cell].value[CellFit::kSensorZero]);
+void Calibration::correct_readings(const MountedBoard& board, std::span<float> readings) const {
+  for (std::size_t i = 0; i < board.cells.size(); ++i)
+    if (const std::uint32_t cell = board.cells[i]; board.exists[i])
+      readings[cell] -= static_cast<float>(fits[cell].value[CellFit::kSensorZero]);
 }
 
-void Calibration::correct_commands(std::span<float> heights) {
-  for (std::size_t cell = 0; cell < fits.size(); ++cell) {
+void Calibration::note_height(std::size_t cell, float height) {
+  if (height > last_[cell]) upwards_[cell] = 1;
+  if (height < last_[cell]) upwards_[cell] = -1;
+  last_[cell] = height;
+}
+
+void Calibration::correct_commands(const MountedBoard& board, std::span<float> heights) {
+  for (std::size_t i = 0; i < board.cells.size(); ++i) {
+    const std::uint32_t cell = board.cells[i];
+    if (!board.exists[i]) continue;
     const auto& v = fits[cell].value;
-    const float height = heights[cell];
-    if (height > last_[cell]) upwards_[cell] = 1;
-    if (height < last_[cell]) upwards_[cell] = -1;
-    last_[cell] = height;
+    note_height(cell, heights[cell]);
     heights[cell] = static_cast<float>(
-        (static_cast<double>(height) - v[CellFit::kZero] + 0.5 * upwards_[cell] * v[CellFit::kPlay]) /
+        (static_cast<double>(heights[cell]) - v[CellFit::kZero] + 0.5 * upwards_[cell] * v[CellFit::kPlay]) /
         v[CellFit::kSlope]);
+  }
+}
+
+void Calibration::note_own_command(const MountedBoard& board, float command) {
+  for (std::size_t i = 0; i < board.cells.size(); ++i) {
+    const std::uint32_t cell = board.cells[i];
+    const auto& v = fits[cell].value;
+    const double w = v[CellFit::kZero] + v[CellFit::kSlope] * static_cast<double>(command),
+                 half = 0.5 * v[CellFit::kPlay], last = static_cast<double>(last_[cell]);
+    note_height(cell, static_cast<float>(std::isnan(last) ? w : std::clamp(last, w - half, w + half)));
   }
 }
 
@@ -311,6 +315,7 @@ std::vector<std::string> cells_to_adjust(const Calibration& c, double lowest, do
   std::vector<std::string> list;
   for (std::size_t cell = 0; cell < c.cells(); ++cell) {
     const CellFit& fit = c.fits[cell];
+    if (fit.state == CellState::kAbsent) continue;
     const auto& v = fit.value;
     std::string why;
     const auto add = [&](const std::string& what) { why += (why.empty() ? "" : "; ") + what; };
@@ -335,7 +340,7 @@ std::vector<std::string> cells_to_adjust(const Calibration& c, double lowest, do
 }
 
 std::string calibration_maps(const Calibration& c) {
-  std::vector<common::CellMap> maps{{"state: 0 good, 1 stuck, 2 dead", {}}};
+  std::vector<common::CellMap> maps{{"state: 0 good, 1 stuck, 2 dead, 3 absent", {}}};
   for (const CellFit& fit : c.fits) maps[0].values.push_back(static_cast<double>(fit.state));
   for (std::size_t p = 0; p < CellFit::kCount; ++p) {
     const CellParameter& parameter = kCellParameters[p];

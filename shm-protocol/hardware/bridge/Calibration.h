@@ -2,6 +2,7 @@
 // by the bridge.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -38,13 +39,20 @@ class Calibration {
   void require_table(const TableSpec&) const;
   void require_map(const TableMap&);
 
-  // Subtracts the sensors' zeros. `readings`: the sensor's plane, by the table's cells.
-  void correct_readings(std::span<float> readings) const;
-  // Replaces heights by the commands under which the cells reach them: (height - zero ± play / 2) / slope,
-  // with + if the cell's height rose last. `heights`: the actuator's plane.
-  void correct_commands(std::span<float> heights);
+  // Subtracts the sensors' zeros from the readings of a board's cells. `readings`: the sensor's plane, by the
+  // table's cells.
+  void correct_readings(const MountedBoard&, std::span<float> readings) const;
+  // Replaces the heights of a board's cells by the commands under which they reach them:
+  // (height - zero ± play / 2) / slope, with + if the cell's height rose last. `heights`: the actuator's
+  // plane.
+  void correct_commands(const MountedBoard&, std::span<float> heights);
+  // The board's cells stand where this command of its own has brought them.
+  void note_own_command(const MountedBoard&, float command);
 
   std::size_t cells() const { return std::size_t{rows} * columns; }
+  std::size_t present_cells() const {
+    return cells() - static_cast<std::size_t>(std::ranges::count(fits, CellState::kAbsent, &CellFit::state));
+  }
 
   std::string file, table, actuator, sensor, unit;
   std::uint32_t rows = 0, columns = 0, period_us = 0;
@@ -57,6 +65,8 @@ class Calibration {
   std::size_t line_of(const std::string& key) const;  // 0: none
   // "FILE:LINE: ", or "FILE: " of line 0.
   std::string place(std::size_t line) const;
+
+  void note_height(std::size_t cell, float height);
 
   std::vector<float> last_;           // heights
   std::vector<std::int8_t> upwards_;  // 1 or -1: where the height went last; 0: nowhere yet

@@ -357,6 +357,13 @@ std::vector<std::int64_t> Calibrator::commands_in_force(const BoardRecord& r, st
   return in_force;
 }
 
+std::vector<std::string> Calibrator::absent_boards() const {
+  std::vector<std::string> boards;
+  for (std::size_t i = 0; i < records_.size(); ++i)
+    if (records_[i].is_absent()) boards.push_back("board '" + spec_.boards[i].title() + "'");
+  return boards;
+}
+
 Calibration Calibrator::fit() const {
   Calibration all;
   all.table = spec_.name;
@@ -368,16 +375,11 @@ Calibration Calibrator::fit() const {
   all.period_us = spec_.period_us;
   all.has_rest = options_.rest.has_value();
   for (const TableBoard& b : spec_.boards) all.boards.push_back({b.id, b.row, b.column, b.turn, b.mirror, 0});
-  CellFit absent;
-  absent.state = CellState::kGood;
-  all.fits.assign(all.cells(), absent);
+  all.fits.resize(all.cells());
   for (std::size_t i = 0; i < records_.size(); ++i) {
     const BoardRecord& r = records_[i];
     const std::size_t cells = mounted_[i].cells.size();
-    if (!r.has_channels || !r.begun || r.valid.empty()) {
-      for (const std::uint32_t cell : mounted_[i].cells) all.fits[cell] = CellFit{};
-      continue;
-    }
+    if (r.is_absent()) continue;
     const std::size_t ticks = std::min<std::size_t>(r.valid.size(), r.last_tick - r.first_tick + 1);
     const std::vector<std::int64_t> in_force = commands_in_force(r, ticks);
     std::vector<float> command(ticks - 1), reading(ticks - 1);

@@ -56,6 +56,8 @@ class Calibrator final : public TableDriver {
   const std::string& last_disturbance() const { return last_disturbance_; }
   // Fits all cells. Call when done().
   Calibration fit() const;
+  // "board 'b1'": those that were not there, or have not both channels. Call when done().
+  std::vector<std::string> absent_boards() const;
   // Range of the actuator.
   double lowest() const { return lowest_; }
   double highest() const { return highest_; }
@@ -77,6 +79,7 @@ class Calibrator final : public TableDriver {
     std::vector<std::optional<std::int64_t>> in_force;
     std::vector<float> readings;  // [tick][cell of the board]
     std::vector<float> at_rest;   // [sample][cell of the board]
+    bool is_absent() const { return !has_channels || !begun || valid.empty(); }
   };
 
   void choose_channels(const TableTick&);

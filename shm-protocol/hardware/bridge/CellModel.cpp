@@ -329,6 +329,7 @@ CellFit fit_cell(const CellRecording& recording, int most_delay) {
   std::ranges::copy_if(c.at_rest, std::back_inserter(at_rest), is_number);
   c.at_rest = at_rest;
   CellFit fit;
+  fit.state = CellState::kDead;
   const Fitter fitter(c);
   if (fitter.count() < 10 * kFree) return fit;
   std::vector<float> known;

@@ -58,14 +58,15 @@ struct CellRecording {
 enum class CellState : std::uint8_t {
   kGood = 0,
   kStuck = 1,  // the sensor works, but what it says does not depend on the command, or fits no usable model
-  kDead = 2    // the sensor always says the same
+  kDead = 2,   // the sensor always says the same
+  kAbsent = 3  // there is no cell, or its board was not there or has not both channels
 };
 
 struct CellFit {
   // In the order of kCellParameters.
   static constexpr std::size_t kCount = 9;
   enum Parameter { kZero, kSlope, kPlay, kSpeedUp, kSpeedDown, kLag, kDelay, kSensorZero, kNoise };
-  CellState state = CellState::kDead;
+  CellState state = CellState::kAbsent;
   // Neutral values with error 0 where nothing is known: slope 1, all others 0. A speed of 0 was never
   // reached.
   std::array<double, kCount> value{0, 1, 0, 0, 0, 0, 0, 0, 0};

@@ -8,14 +8,17 @@
 #include <cstring>
 #include <utility>
 
+#include "common/text/Printable.h"
+
 namespace hardware {
 namespace {
 
 constexpr std::size_t kMaxElements = std::size_t{1} << 24;
 
+// Made printable here, where the device says it: the bridge prints, publishes and records it.
 template <std::size_t N>
 std::string text_of(const char (&padded)[N]) {
-  return {padded, ::strnlen(padded, N)};
+  return common::printable({padded, ::strnlen(padded, N)});
 }
 
 std::string number(float value) { return std::to_string(value); }
@@ -160,9 +163,8 @@ DeviceLink::Event DeviceLink::handle_packet(const ssw_packet& packet) {
       return handle_end(packet);
     case SSW_ERROR:
       if (packet.payload_bytes < 2) return Event::kAlive;
-      message_.assign(reinterpret_cast<const char*>(packet.payload) + 2, packet.payload_bytes - 2);
-      std::replace_if(
-          message_.begin(), message_.end(), [](unsigned char c) { return c < 32 || c > 126; }, '?');
+      message_ = common::printable(
+          {reinterpret_cast<const char*>(packet.payload) + 2, packet.payload_bytes - std::size_t{2}});
       return Event::kFault;
     default:
       return Event::kAlive;

@@ -14,26 +14,30 @@ constexpr std::uint64_t kMaxReports = 8;  // in an interval
 EventLog::EventLog(Print print) : print_(std::move(print)) {}
 
 EventLog::~EventLog() {
-  for (Line& line : recent_)
-    if (line.repetitions != 0) print(line);
+  print_counted({});
   print_left_out();
 }
 
 void EventLog::add(const std::string& text, Clock::time_point now) {
-  if (now - reports_since_ >= kInterval) print_left_out();
   auto* const known = std::ranges::find(recent_, text, &Line::text);
-  if (known == recent_.end()) {
-    Line& line = recent_[oldest_];
-    oldest_ = (oldest_ + 1) % recent_.size();
-    if (line.repetitions != 0) print(line);
-    line = {.text = text, .printed = now, .repetitions = 0};
-    print_(text);
-    return;
+  if (known != recent_.end()) {
+    ++known->repetitions;
+    known->last = ++repetitions_;
+    return print_due(now);
   }
-  ++known->repetitions;
-  if (now - known->printed < kInterval) return;
-  known->printed = now;
-  print(*known);
+  print_due(now);
+  print_counted(now);
+  recent_[oldest_] = {.text = text, .printed = now};
+  oldest_ = (oldest_ + 1) % recent_.size();
+  print_(text);
+}
+
+void EventLog::print_due(Clock::time_point now) {
+  if (now - reports_since_ >= kInterval) print_left_out();
+  if (std::ranges::any_of(recent_, [&](const Line& line) {
+        return line.repetitions != 0 && now - line.printed >= kInterval;
+      }))
+    print_counted(now);
 }
 
 void EventLog::add_report(const std::string& text, Clock::time_point now) {
@@ -53,10 +57,17 @@ void EventLog::print_left_out() {
   if (left_out_ != 0) print_("reports left out: " + std::to_string(std::exchange(left_out_, 0)));
 }
 
-// Prints the line, with the number of its repetitions if there is more than one.
-void EventLog::print(Line& line) {
-  const std::uint64_t times = std::exchange(line.repetitions, 0);
-  print_(times == 1 ? line.text : line.text + " (" + std::to_string(times) + " times more)");
+// Prints the lines that were repeated, each with the number of its repetitions if there is more than one.
+void EventLog::print_counted(Clock::time_point now) {
+  for (;;) {
+    Line* first = nullptr;
+    for (Line& line : recent_)
+      if (line.repetitions != 0 && (!first || line.last < first->last)) first = &line;
+    if (!first) return;
+    const std::uint64_t times = std::exchange(first->repetitions, 0);
+    first->printed = now;
+    print_(times == 1 ? first->text : first->text + " (" + std::to_string(times) + " times more)");
+  }
 }
 
 }  // namespace hardware

@@ -134,9 +134,11 @@ void TableBridge::mount_described_boards(bool pass_over) {
     Board& board = *boards_[i];
     if (!pass_over && !board.newly_described && map_.boards()[i].rows == 0) return;
     if (!std::exchange(board.newly_described, false)) continue;
+    const bool is_new = !map_.boards()[i].device;
     try {
       map_.mount(i, board.description());
       board.accept();
+      if (surface_ && is_new) make_safe(map_.boards()[i]);
       if (surface_) log_.add("board '" + board.title() + "' is back");
     } catch (const std::invalid_argument& e) {
       if (!surface_) throw;
@@ -150,11 +152,11 @@ void TableBridge::refuse(std::size_t board, const std::string& why) {
   if (surface_) make_safe(map_.boards()[board]);
 }
 
-// What the sensors of a board said is of no board that is there.
+// What the sensors of a board said is of no board that is there: its cells read the board's own safe values.
 void TableBridge::make_safe(const MountedBoard& board) {
   const std::size_t cells = valid_.size();
   for (const BoardChannel& c : board.channels) {
-    const TableChannel& channel = map_.channels()[c.table_channel];
+    const DeviceChannel& channel = board.device->channels[c.device_channel];
     if (!channel.sensor) continue;
     for (std::uint32_t k = 0; k < channel.components; ++k)
       for (const std::uint32_t cell : board.cells) planes_[c.table_channel][k * cells + cell] = channel.safe;
@@ -211,6 +213,7 @@ void TableBridge::create_surface() {
 
   const std::size_t cells = std::size_t{map_.rows()} * map_.columns();
   for (const TableChannel& c : map_.channels()) planes_.emplace_back(cells * c.components, c.safe);
+  for (const MountedBoard& board : map_.boards()) make_safe(board);
   valid_.assign(cells, 0);
   age_.assign(cells, 255);
   log_.add("table '" + spec_.name + "', " + std::to_string(boards_.size()) + " boards, " +
@@ -257,6 +260,7 @@ void TableBridge::log_events() {
     for (const std::string& line : board->reports) log_.add_report(line);
     board->reports.clear();
   }
+  log_.print_due();
 }
 
 // ---- ticks
@@ -307,9 +311,12 @@ void TableBridge::fill_planes() {
       ++valid_ticks_[i];
       for (const BoardChannel& c : mounted.channels) {
         const DeviceChannel& device = board.description().channels[c.device_channel];
-        if (device.sensor)
-          copy_to_table(mounted, c, device.components, frame->values.data() + device.first_element,
-                        planes_[c.table_channel].data(), cells);
+        if (!device.sensor) continue;
+        std::vector<float>& plane = planes_[c.table_channel];
+        copy_to_table(mounted, c, device.components, frame->values.data() + device.first_element,
+                      plane.data(), cells);
+        if (calibration_ && device.name == calibration_->sensor)
+          calibration_->correct_readings(mounted, plane);
       }
     } else {
       if (board_age_[i] != std::numeric_limits<std::uint32_t>::max()) ++board_age_[i];
@@ -357,8 +364,6 @@ void TableBridge::close_tick() {
                              [](float v) { return static_cast<std::uint8_t>(v); });
     else
       std::ranges::copy(planes_[i], surface_->sensor<float>(i).begin());
-    if (calibration_ && channels[i].name == calibration_->sensor)
-      calibration_->correct_readings(surface_->sensor<float>(i));
   }
   const int own = static_cast<int>(channels.size());
   std::ranges::copy(valid_, surface_->sensor<std::uint8_t>(own).begin());
@@ -486,8 +491,16 @@ void TableBridge::receive_commands() {
       std::ranges::copy(surface_->actuator<std::uint8_t>(i), planes_[i].begin());
     else
       std::ranges::copy(surface_->actuator<float>(i), planes_[i].begin());
-    if (calibration_ && channels[i].name == calibration_->actuator)
-      calibration_->correct_commands(planes_[i]);
+  }
+}
+
+// The commands to the board's calibrated cells.
+void TableBridge::correct_commands(const Board& board, const MountedBoard& mounted) {
+  for (const BoardChannel& c : mounted.channels) {
+    const DeviceChannel& device = board.description().channels[c.device_channel];
+    if (device.sensor || device.name != calibration_->actuator) continue;
+    if (board.flags() & SSW_SAFE) calibration_->note_own_command(mounted, device.safe);
+    calibration_->correct_commands(mounted, planes_[c.table_channel]);
   }
 }
 
@@ -515,10 +528,12 @@ bool TableBridge::send_answers() {
   for (std::size_t i = 0; i < boards_.size(); ++i) {
     Board& board = *boards_[i];
     if (!board.accepted() || board.silent() || board_age_[i] > kPatience) continue;
-    if (emergency_.active() || own_safe_values)
+    if (emergency_.active() || own_safe_values) {
       board.send_safe();
-    else if (send_commands(board, map_.boards()[i]))
-      sent = true;
+      continue;
+    }
+    if (calibration_) correct_commands(board, map_.boards()[i]);
+    if (send_commands(board, map_.boards()[i])) sent = true;
   }
   return sent;
 }

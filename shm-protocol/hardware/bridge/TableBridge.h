@@ -86,6 +86,7 @@ class TableBridge {
   void poll_answer();
   void poll_latest();
   void receive_commands();
+  void correct_commands(const Board&, const MountedBoard&);
   void ask_driver();
   bool send_answers();
   bool send_commands(Board&, const MountedBoard&);

@@ -80,8 +80,11 @@ TableSpec read_table(const std::filesystem::path& path) {
         "period_us is " + std::to_string(period) + ", must be the control period in µs, 100 to 60000000");
   spec.period_us = static_cast<std::uint32_t>(period);
   spec.holes = reader.get<bool>(table, "", "holes", "true or false").value_or(false);
-  if (const auto calibration = reader.get<std::string>(table, "", "calibration", kText))
+  if (const auto calibration = reader.get<std::string>(table, "", "calibration", kText)) {
+    if (calibration->empty())
+      reader.fail(TomlReader::line_of(*table.get("calibration")), "calibration is empty: must name a file");
     spec.calibration = (path.parent_path() / *calibration).string();
+  }
   const toml::node* const boards = table.get("board");
   if (!boards) throw std::invalid_argument(spec.file + ": has no [[board]]");
   if (!boards->is_array_of_tables())

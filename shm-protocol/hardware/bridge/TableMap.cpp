@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <stdexcept>
+
+#include "common/text/Number.h"
 
 namespace hardware {
 namespace {
@@ -38,11 +39,7 @@ std::string title_of(const DeviceChannel& c) {
 
 std::string shown(const std::string& text) { return "'" + text + "'"; }
 std::string shown(std::uint32_t number) { return std::to_string(number); }
-std::string shown(float number) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", static_cast<double>(number));
-  return text;
-}
+std::string shown(float number) { return common::shortest(number); }
 std::string shown(const std::array<float, 3>& at) {
   return "(" + shown(at[0]) + ", " + shown(at[1]) + ", " + shown(at[2]) + ")";
 }
@@ -193,8 +190,7 @@ void TableMap::mount(std::size_t index, const DeviceDescription& d) {
                     std::to_string(spec_.period_us));
   if (pitch_ == 0) pitch_ = static_cast<double>(d.pitch);
   if (std::abs(static_cast<double>(d.pitch) - pitch_) > 1e-6 * pitch_)
-    fail(index,
-         "the device's pitch is " + std::to_string(d.pitch) + ", the table's " + std::to_string(pitch_));
+    fail(index, "the device's pitch is " + shown(d.pitch) + ", the table's " + common::shortest(pitch_));
   MountedBoard board = place(index, d.rows, d.columns);
   if (frozen_ && (board.row + board.rows > rows_ || board.column + board.columns > columns_))
     fail(index, "it is larger than the table");

@@ -394,7 +394,9 @@ int calibrate(const Arguments& arguments) {
   write_file(arguments.output, fitted.text());
   write_file(maps_file(arguments), hardware::calibration_maps(fitted));
   const auto adjust = hardware::cells_to_adjust(fitted, calibrator.lowest(), calibrator.highest());
-  std::printf("%zu cells, %zu to be adjusted or repaired\n", fitted.cells(), adjust.size());
+  std::printf("%zu cells, %zu to be adjusted or repaired\n", fitted.present_cells(), adjust.size());
+  for (const std::string& board : calibrator.absent_boards())
+    std::printf("%s is absent\n", common::printable(board).c_str());
   if (calibrator.repeats() > 0)
     std::printf("%d parts were repeated, the last one because %s\n", calibrator.repeats(),
                 common::printable(calibrator.last_disturbance()).c_str());

@@ -24,6 +24,7 @@
 #include "common/files/AtomicFile.h"
 #include "common/process/StandardStreams.h"
 #include "common/text/Number.h"
+#include "common/text/Words.h"
 #include "shm-protocol/hardware/fake/EmulatedBoard.h"
 #include "shm-protocol/hardware/fake/PillarDevice.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
@@ -334,13 +335,13 @@ class Emulator {
   static std::string board_id(int index) { return "b" + std::to_string(index); }
 
   std::string table_text() const {
-    char text[256];
-    std::snprintf(text, sizeof text, "pitch = %g\nperiod_us = %u\n",
-                  static_cast<double>(boards[0]->device().firmware().hello.pitch), o_.board.period_us);
-    std::string all = "name = \"" + o_.name + "\"\n" + text;
+    std::string all = "name = " + common::toml_text(o_.name) +
+                      "\npitch = " + common::shortest(boards[0]->device().firmware().hello.pitch) +
+                      "\nperiod_us = " + std::to_string(o_.board.period_us) + "\n";
     for (int i = 0; i < std::ssize(boards); ++i)
-      all += "\n[[board]]\n" + (o_.board.version_1 ? "" : "id = \"" + board_id(i) + "\"\n") + "device = \"" +
-             boards[i]->line().name() + "\"\nat = [" + std::to_string(i / o_.board_columns * o_.rows) + ", " +
+      all += "\n[[board]]\n" + (o_.board.version_1 ? "" : "id = " + common::toml_text(board_id(i)) + "\n") +
+             "device = " + common::toml_text(boards[i]->line().name()) + "\nat = [" +
+             std::to_string(i / o_.board_columns * o_.rows) + ", " +
              std::to_string(i % o_.board_columns * o_.columns) + "]\n";
     return all;
   }

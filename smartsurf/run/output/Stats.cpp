@@ -83,7 +83,7 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
     json[std::string(record::kPurity)] = *purity;
     json[std::string(record::kSortedAt)] = json["success_s"];
   }
-  return json.dump(2) + "\n";
+  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace smartsurf::run

@@ -32,6 +32,8 @@ namespace fs = std::filesystem;
 }
 
 void require_reproducible(const record::Recording& recording, const Allowed& allowed) {
+  if (!recording.meta().is_simulated)
+    throw_input_error(recording, "it is of a live surface, of which it holds no experiment");
   if (const auto tick = recording.first_interaction_tick())
     throw_input_error(recording, fmt::format("the user intervened after tick {}", *tick));
   if (recording.frames() == 0) throw_input_error(recording, "it holds no frames");

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/csv/Csv.h"
+#include "common/text/Number.h"
 
 namespace smartsurf::view {
 
@@ -99,10 +100,10 @@ std::string to_csv(const PlotExport& plot) {
   }
   text += '\n';
   for (std::size_t i = 0; i < plot.times.size(); ++i) {
-    common::append_csv_number(text, plot.times[i]);
+    common::append_shortest(text, plot.times[i]);
     for (const PlotExport::Series& series : plot.series) {
       text += ',';
-      if (std::isfinite(series.values[i])) common::append_csv_number(text, series.values[i]);
+      if (std::isfinite(series.values[i])) common::append_shortest(text, series.values[i]);
     }
     text += '\n';
   }

@@ -410,6 +410,32 @@ TEST(TargetC, SaysWhatAnIntegerCannotHold) {
                 "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
 }
 
+TEST(TargetC, SaysWhatABoundaryOfIntegersCannotHold) {
+  TestProgram build;
+  const Operand a = build.reg(64, 64), b = build.reg(64, 64), n = build.var(2.5F);
+  for (program::Register& reg : build.program.registers) reg.type = program::CellType::kUint8;
+  build.add(Opcode::kBoundary, {}, build.lit(static_cast<float>(program::BoundaryRule::kValue)), n);
+  build.add(Opcode::kShift, b, a, build.lit(1), build.lit(0));
+  build.add(Opcode::kSurfaceActuate, {}, build.text("y"), b);
+  build.add(Opcode::kSurfaceStep);
+  EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
+            std::vector<std::string>{
+                "test.aps:2: warning: 2.5 is no uint8: a board limits it to the type's values"});
+}
+
+TEST(TargetC, SaysWhatAMemberOfAClassCannotHold) {
+  TestProgram build;
+  const Operand a = build.reg(64, 64), n = build.var(300.0F);
+  build.program.registers.back().type = program::CellType::kUint8;
+  build.program.groups.push_back({"r", false, {a.index}});
+  build.add(Opcode::kResSetReg, {}, {OperandKind::kGroup, 0}, build.lit(0), n);
+  build.add(Opcode::kSurfaceActuate, {}, build.text("y"), a);
+  build.add(Opcode::kSurfaceStep);
+  EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
+            std::vector<std::string>{
+                "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
+}
+
 // A program whose C has all parts: edges, mathematics, integers, random numbers and scalars of run time.
 program::Program program_of_all_parts() {
   TestProgram build;

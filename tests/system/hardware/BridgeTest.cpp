@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "shm-protocol/hardware/bridge/TableFile.h"
 #include "shm-protocol/hardware/fake/toy.h"
 #include "shm-protocol/hardware/firmware/wire.h"
 #include "tests/system/hardware/Listener.h"
@@ -492,6 +493,17 @@ TEST(Emulator, LinkReplacesNoFile) {
   }
   std::filesystem::remove(second);
   std::filesystem::remove(path);
+}
+
+TEST(Emulator, WritesTablesWhoseTextsHoldAnyCharacter) {
+  const std::string base = line_path("texts"), link = base + " \"1\"", file = base + ".toml";
+  Program emulator({DEVICE_EMULATOR, "--pty", link, "--size", "4x4", "--ticks", "1", "--name", "a \\\"b\"",
+                    "--table", file});
+  EXPECT_EQ(emulator.wait(), 0) << emulator.output();
+  const TableSpec table = read_table(file);
+  EXPECT_EQ(table.name, "a \\\"b\"");
+  EXPECT_EQ(table.boards.at(0).port.text, link);
+  std::filesystem::remove(file);
 }
 
 // Neither waits for the device, which is not there.

@@ -71,6 +71,16 @@ class Boards(ProgramTest):
         self.assertEqual(status, 1, err)
         self.assertRegex(err, r"\nboards: error: \S*small.toml: is no calibration of surface_bridge: 'zero'\n\Z")
 
+    def test_bad_input_is_refused_in_one_line(self):
+        for flag, value, reason in (("--halo", "0", "0 is not from 1 to 16"), ("--halo", "17", "17 is not from 1 to 16"),
+                                    ("--loss", "2", "2.0 is no fraction, 0 to 1"), ("--repeat", "nan", "nan is no fraction, 0 to 1")):
+            status, out, err = self.run_boards("world.lua", "program.aps", flag, value)
+            self.assertEqual((status, out), (2, ""), err)
+            self.assertEqual(err.splitlines()[-1], f"boards: error: {flag}: {reason}")
+        status, _, err = self.run_boards(self.write("world.lua", WORLD), self.write("bad.aps", "A = globalsum(A)\n"))
+        self.assertEqual(status, 2, err)
+        self.assertNotIn("Traceback", err)
+
 
 class Compiling(ProgramTest):
     def refused(self, text, *flags):

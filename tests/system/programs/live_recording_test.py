@@ -107,6 +107,7 @@ class LiveRecordings(ProgramTest):
             self.assertIn("live surface", err)
         status, _, err = self.run_program(SMARTSURF, "replay", path, "--verify")
         self.assertEqual((status, len(err.splitlines())), (2, 1), err)
+        self.assertIn("cannot be run again: it is of a live surface", err)
 
     def test_simulator_is_recorded_as_by_itself(self):
         own = self.folder / "own.h5"

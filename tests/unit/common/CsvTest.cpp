@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/text/Number.h"
+
 using namespace common;
 
 namespace {
@@ -17,7 +19,7 @@ TEST(Csv, SplitsAndTrims) {
 TEST(Csv, NumbersRoundTripBitExactly) {
   for (const float value : {0.1F, -3.4e38F, 1e-45F, 16777217.0F}) {
     std::string text;
-    append_csv_number(text, value);
+    append_shortest(text, value);
     EXPECT_EQ(parse_csv_number<float>(text), value) << text;
   }
 }

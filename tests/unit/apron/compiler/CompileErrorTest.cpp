@@ -54,6 +54,12 @@ constexpr Wrong kWrong[] = {
      "main.aps:2:1: error: 299 is no uint8, the type of the registers that it meets: a whole number from 0 to 255"},
     {"!uint8(A)|A = random.int.rand(0, 256)",
      "main.aps:2:1: error: 256 is no uint8, the type of the registers that it meets: a whole number from 0 to 255"},
+    {"!uint8(A, B)|boundary(2.5)|A = east(B)",
+     "main.aps:3:1: error: 2.5, the boundary's value, is no uint8, the type of the registers that it meets: a whole "
+     "number from 0 to 255"},
+    {"!uint16(A, B)|boundary(-1)|while(1)|A = near.sum(B, 4)|endwhile",
+     "main.aps:4:1: error: -1, the boundary's value, is no uint16, the type of the registers that it meets: a whole "
+     "number from 0 to 65535"},
     {"!int32(x[2], y[1])|!scalar(w[2])|matrix.product(y, x, w)",
      "main.aps:3:1: error: 'matrix.product' takes registers of floats, and 'y[0]' is int32: write float(…)"},
     {"!register(x[2], y[1])|!scalar(w[3])|matrix.product(y, x, w)",
@@ -436,6 +442,25 @@ TEST(WrongProgram, FirstLineOfReport) {
     EXPECT_FALSE(result.program) << wrong.program;
     EXPECT_EQ(first_line(errors(result)), wrong.report) << wrong.program;
   }
+}
+
+// What only a run can tell: the boundary of a path, and of a variable. Floats take any number.
+TEST(RightProgram, BoundariesThatRegistersMayTake) {
+  for (const char* text :
+       {"!uint8(A, B)\nboundary(255)\nA = east(B)\n", "!register(A, B)\nboundary(2.5)\nA = east(B)\n",
+        "!uint8(A, B)\nx = surface.tick\nif(x, ==, 1)\nboundary(2.5)\nendif\nA = east(B)\n",
+        "!uint8(A, B)\nx = 2.5\nboundary(x)\nA = east(B)\n",
+        "!uint8(A, B)\nboundary(2.5)\nboundary('wrap')\nA = east(B)\n",
+        "!uint8(A, B)\nboundary(2.5)\nend\nA = east(B)\n"})
+    EXPECT_EQ(errors(compile_text(text)), "") << text;
+}
+
+TEST(WrongProgram, BoundaryOfAnIncludedFileIsNamedThere) {
+  EXPECT_EQ(first_line(errors(compile_text("!uint8(A, B)\n!include('edge.aps')\n",
+                                           {{"edge.aps", "boundary(300)\n\nA = east(B)\n"}}))),
+            "edge.aps:3:1: error: 300, the boundary's value, is no uint8, the type of the registers that it "
+            "meets: a "
+            "whole number from 0 to 255");
 }
 
 // Names whose declarations come after it are not declared.

@@ -6,11 +6,13 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <random>
 #include <string>
@@ -269,6 +271,13 @@ class CalibrationFile : public testing::Test {
     device.channels.push_back({"pin_height", "u", true, SSW_F32, 1, 0, kRange, 0, 1, 0, 6, 0, {}, 0});
     return device;
   }
+  static MountedBoard mounted(const DeviceDescription& device) {
+    const TableSpec spec = table();
+    TableMap map(spec);
+    map.mount(0, device);
+    map.freeze();
+    return map.boards()[0];
+  }
   static std::string replaced(std::string text, const std::string& from, const std::string& to) {
     const std::size_t at = text.find(from);
     EXPECT_NE(at, text.npos) << from;
@@ -286,8 +295,7 @@ TEST_F(CalibrationFile, IsReadAsWritten) {
   ASSERT_EQ(read.fits.size(), 6u);
   for (std::size_t cell = 0; cell < 6; ++cell)
     for (std::size_t p = 0; p < CellFit::kCount; ++p) {
-      EXPECT_NEAR(read.fits[cell].value[p], calibration_.fits[cell].value[p],
-                  1e-5 * std::abs(calibration_.fits[cell].value[p]));
+      EXPECT_EQ(read.fits[cell].value[p], calibration_.fits[cell].value[p]);
       EXPECT_EQ(read.fits[cell].error[p], 0.25);
     }
   EXPECT_EQ(read.text(), calibration_.text());
@@ -359,7 +367,7 @@ TEST_F(CalibrationFile, MistakesAreNamedWithTheirLine) {
   EXPECT_EQ(error(replaced(text, "size = [2, 3]", "size = [60000, 60000]")),
             "18: state: value must have 60000 rows");
   EXPECT_EQ(error(replaced(text, "[0, 0, 0]", "[0, 7, 0]")),
-            "20: state: value of row 0, column 1 is 7.0, must be 0, 1 or 2");
+            "20: state: value of row 0, column 1 is 7.0, must be 0, 1, 2 or 3");
   EXPECT_EQ(error(replaced(text, "smartsurf calibration 1", "smartsurf calibration 9")).substr(0, 23),
             "3: format must be \"smar");
   EXPECT_EQ(error(text.substr(0, text.find("[lag]"))), "1: [lag] is missing: the file is not whole");
@@ -404,25 +412,31 @@ TEST_F(CalibrationFile, OfAnotherTableIsRefused) {
             "10: is the calibration of another table: of 2 rows of 3 cells, not 3 of 2");
 }
 
+// Also after the board has gone to its safe values, from which the cells come back from below.
 TEST_F(CalibrationFile, LeadsTheCellsWhereTheyAreSent) {
   Calibration c = Calibration::read(write(calibration_.text()));
+  const MountedBoard board = mounted(device());
   ImperfectPins uncorrected(6, kRange, kPeriod_s, 11);
   std::vector<float> heights(6), commands(6), readings(6);
   double with = 0, without = 0;
-  for (const float target : {2.0F, 3.0F, 1.5F, 1.0F, 2.5F}) {
+  constexpr float kSafe = 0;
+  for (const float target : {2.0F, 3.0F, 1.5F, kSafe, 1.5F, 1.0F, 2.5F}) {
     std::ranges::fill(heights, target);
     for (int k = 0; k < 200; ++k) {
       commands = heights;
-      c.correct_commands(commands);
+      if (target == kSafe)
+        c.note_own_command(board, kSafe);
+      else
+        c.correct_commands(board, commands);
       pins_->advance(commands);
       uncorrected.advance(heights);
     }
     for (std::size_t cell = 0; cell < 6; ++cell) readings[cell] = static_cast<float>(pins_->read(cell));
-    c.correct_readings(readings);
+    c.correct_readings(board, readings);
     for (std::size_t cell = 0; cell < 6; ++cell) {
       if (pins_->cells()[cell].state != 0) continue;
       // Before its first change, a height has no direction.
-      if (target == 2.0F) continue;
+      if (target == 2.0F || target == kSafe) continue;
       EXPECT_NEAR(readings[cell], target, 0.06F) << cell;
       with += std::abs(static_cast<double>(readings[cell] - target));
       without += std::abs(uncorrected.read(cell) - static_cast<double>(target));
@@ -431,12 +445,54 @@ TEST_F(CalibrationFile, LeadsTheCellsWhereTheyAreSent) {
   EXPECT_LT(with, without / 3);
 }
 
+TEST_F(CalibrationFile, LeavesCellsOfOtherBoardsAlone) {
+  Calibration c = Calibration::read(write(calibration_.text()));
+  DeviceDescription masked = device();
+  masked.mask = {1, 0, 1, 1, 0, 1};
+  const MountedBoard board = mounted(masked);
+  std::vector<float> readings(6, 2.0F), commands(6, 2.0F);
+  c.correct_readings(board, readings);
+  c.correct_commands(board, commands);
+  for (std::size_t cell = 0; cell < 6; ++cell) {
+    EXPECT_EQ(readings[cell] == 2.0F, masked.mask[cell] == 0) << cell;
+    EXPECT_EQ(commands[cell] == 2.0F, masked.mask[cell] == 0) << cell;
+  }
+}
+
+// Nothing is fitted to holes, masked cells and boards that are not there.
+TEST_F(CalibrationFile, SaysWhatIsAbsent) {
+  TableSpec spec = table();
+  spec.holes = true;
+  spec.boards.push_back(spec.boards[0]);
+  spec.boards[1].id = "b";
+  spec.boards[1].column = 4;
+  spec.boards[1].size = {2, 3};
+  TableMap map(spec);
+  map.mount(0, device());
+  map.freeze();
+  std::vector<std::unique_ptr<Board>> boards;
+  for (const TableBoard& board : spec.boards)
+    boards.push_back(std::make_unique<Board>(board, spec.period_us, std::chrono::seconds(1)));
+  const std::vector<std::uint32_t> age(2, 1);
+  std::vector<std::vector<float>> planes(2, std::vector<float>(14));
+  Calibrator calibrator(spec, {});
+  (void)calibrator.drive({1, map, boards, age, planes, false});
+  EXPECT_EQ(calibrator.absent_boards(), (std::vector<std::string>{"board 'a'", "board 'b'"}));
+  const Calibration fitted = calibrator.fit();
+  EXPECT_EQ(fitted.cells(), 14U);
+  EXPECT_EQ(fitted.present_cells(), 0U);
+  EXPECT_TRUE(cells_to_adjust(fitted, 0, kRange).empty());
+  EXPECT_EQ(Calibration::read(write(fitted.text())).present_cells(), 0U);
+}
+
 TEST_F(CalibrationFile, NamesTheCellsToAdjust) {
   for (CellFit& fit : calibration_.fits) fit.value = {0, 1, 0.01, 10, 10, 0.02, 0, 0, 0.004};
   EXPECT_TRUE(cells_to_adjust(calibration_, 0, kRange).empty());
   calibration_.fits[0].state = CellState::kStuck;
   calibration_.fits[2].value[CellFit::kSlope] = 0.8;
   calibration_.fits[4].value[CellFit::kSpeedUp] = 4;
+  calibration_.fits[5].state = CellState::kAbsent;
+  EXPECT_EQ(calibration_.present_cells(), 5U);
   EXPECT_EQ(cells_to_adjust(calibration_, 0, kRange),
             (std::vector<std::string>{"row 0 column 0: stuck", "row 0 column 2: reaches 3.2 u of 4.0",
                                       "row 1 column 1: slow upwards"}));

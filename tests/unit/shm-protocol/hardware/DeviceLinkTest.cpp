@@ -256,6 +256,46 @@ TEST(DeviceLink, FramesReceivedOverNoiseAreCorrect) {
   EXPECT_GT(pair.link.damaged_packets(), 100u);
 }
 
+// "µm" in Latin-1 and in UTF-8, an escape sequence, a character that the end of the field cuts.
+TEST(DeviceLink, TextsOfADeviceArePrintable) {
+  DeviceLink link;
+  std::uint8_t sequence = 0;
+  Event last = Event::kNothing;
+  const auto send = [&](std::uint8_t type, const Bytes& payload) {
+    std::uint8_t encoded[SSW_MAX_ENCODED + 2];
+    const ssw_packet packet{type, sequence++, 0, payload.data(), payload.size()};
+    const std::size_t count = ssw_write(&packet, encoded);
+    for (std::size_t i = 0; i < count; ++i)
+      if (const Event e = link.receive(encoded[i]); e != Event::kNothing) last = e;
+  };
+  const auto text = [](Bytes& to, std::size_t at, const std::string& what) {
+    std::ranges::copy(what, to.begin() + static_cast<std::ptrdiff_t>(at));
+  };
+  Bytes hello(34), error{2, 0, 'h', 'e', 0xE9, '\n'};
+  hello[0] = 1, hello[1] = 3, hello[2] = hello[4] = 2, hello[7] = 1;
+  ssw_put_f32(&hello[10], 1);
+  text(hello, 18, "\x1b[2J\xff dev");
+  send(SSW_HELLO, hello);
+  int index = 0;
+  for (const std::string unit : {"\xb5m", "\xc2\xb5m", "fifteen bytes..\xc2"}) {
+    Bytes channel(72);
+    channel[0] = static_cast<std::uint8_t>(index);
+    channel[1] = SSW_SENSOR, channel[2] = SSW_F32, channel[3] = 1;
+    ssw_put_f32(&channel[8], 1);
+    ssw_put_f32(&channel[16], 1);
+    text(channel, 24, "c" + std::to_string(index++));
+    text(channel, 56, unit);
+    send(SSW_CHANNEL, channel);
+  }
+  ASSERT_EQ(last, Event::kDescribed) << link.message();
+  EXPECT_EQ(link.description().name, "?[2J? dev");
+  EXPECT_EQ(link.description().channels[0].unit, "?m");
+  EXPECT_EQ(link.description().channels[1].unit, "\xc2\xb5m");
+  EXPECT_EQ(link.description().channels[2].unit, "fifteen bytes..?");
+  send(SSW_ERROR, error);
+  EXPECT_EQ(link.message(), "he??");
+}
+
 // Random bytes, and well-formed packets with invalid content: no crash (under sanitizers) and no frame.
 TEST(DeviceLink, IgnoresInvalidPackets) {
   std::mt19937 random(21);

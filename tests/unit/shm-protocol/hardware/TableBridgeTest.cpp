@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <shm_protocol/ObserverEndpoint.h>
 #include <signal.h>
 #include <sys/inotify.h>
 #include <sys/prctl.h>
@@ -13,6 +14,8 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -31,18 +34,30 @@ constexpr std::uint32_t kPeriod_us = 4000;
 
 volatile sig_atomic_t changes = 0, hangs = 0;
 
-// Writes the packets of a device; while it hangs, its sensor frames keep their tick.
-EmulatedDevice::Write hanging(EmulatedDevice::Write write) {
+constexpr std::size_t kPinChannel = 1;
+constexpr float kFirstSafe = 0.75F;
+
+// Writes the packets of the first device: the safe value of its pin_height is another one than that of the
+// second, and while it hangs, its sensor frames keep their tick.
+EmulatedDevice::Write changed(EmulatedDevice::Write write) {
   return [write = std::move(write), tick = std::uint32_t{0}](const std::uint8_t* bytes,
                                                              std::size_t count) mutable {
     ssw_receiver receiver;
     ssw_receiver_init(&receiver);
     ssw_packet packet;
+    std::array<std::uint8_t, SSW_MAX_PAYLOAD> payload;
     for (std::size_t i = 0; i < count; ++i) {
       if (!ssw_receive(&receiver, bytes[i], &packet)) continue;
-      if (packet.type != SSW_SENSOR_DATA && packet.type != SSW_SENSOR_END) continue;
-      if (hangs == 0) tick = packet.tick;
-      packet.tick = tick;
+      if (packet.type == SSW_CHANNEL2 && packet.payload[0] == kPinChannel) {
+        std::copy_n(packet.payload, packet.payload_bytes, payload.begin());
+        ssw_put_f32(payload.data() + 12, kFirstSafe);
+        packet.payload = payload.data();
+      } else if (packet.type == SSW_SENSOR_DATA || packet.type == SSW_SENSOR_END) {
+        if (hangs == 0) tick = packet.tick;
+        packet.tick = tick;
+      } else {
+        continue;
+      }
       std::array<std::uint8_t, SSW_MAX_ENCODED + 2> changed;
       return write(changed.data(), ssw_write(&packet, changed.data()));
     }
@@ -55,6 +70,8 @@ class Boards {
  public:
   Boards() {
     spec.file = "table.toml";
+    changes = 0;
+    hangs = 0;
     spec.name = "test-table-bridge-" + std::to_string(::getpid());
     spec.period_us = kPeriod_us;
     std::vector<std::unique_ptr<EmulatedBoard>> boards;
@@ -64,7 +81,7 @@ class Boards {
       options.period_us = kPeriod_us;
       boards.push_back(std::make_unique<EmulatedBoard>(options, [i](EmulatedDevice::Write write) {
         return std::make_unique<ToyDevice>(std::uint16_t{4}, std::uint16_t{4}, kPeriod_us,
-                                           i == 0 ? hanging(std::move(write)) : std::move(write));
+                                           i == 0 ? changed(std::move(write)) : std::move(write));
       }));
       EmulatedBoard* const at = boards.back().get();
       at->device().become({"b" + std::to_string(i), {}, [at] { return at->micros(); }, {}, {}});
@@ -212,6 +229,7 @@ TEST(TableBridge, SurfaceOfTheBoardsIsThereBeforeTheTablesAndAfterIt) {
 // Even with the id of another board of the table.
 TEST(TableBridge, CellsOfAnotherBoardAreNotValidUntilTheFirstOneIsBack) {
   Boards boards;
+  std::ranges::reverse(boards.spec.boards);  // the channels' safe values are those of the other one
   for (TableBoard& board : boards.spec.boards) board.id.clear();
   Waves waves;
   waves.most = 10'000;
@@ -219,20 +237,23 @@ TEST(TableBridge, CellsOfAnotherBoardAreNotValidUntilTheFirstOneIsBack) {
   std::uint32_t age = 0;
   int refused_ticks = 0;
   waves.look = [&](int ticks, const TableTick& tick) {
-    if (phase == kBefore && ticks > 50 && tick.board_age[0] == 0) {
+    if (phase == kBefore && ticks > 50 && tick.board_age[1] == 0) {
       boards.exchange_first();
       phase = kExchanged;
     } else if (phase == kRefused) {
-      EXPECT_GT(tick.board_age[0], age);
-      age = tick.board_age[0];
+      EXPECT_GT(tick.board_age[1], age);
+      age = tick.board_age[1];
       const auto& channels = tick.map.channels();
       for (std::size_t i = 0; i < channels.size(); ++i)
-        for (const std::uint32_t cell : tick.map.boards()[0].cells)
-          EXPECT_TRUE(!channels[i].sensor || tick.planes[i][cell] == channels[i].safe) << channels[i].name;
+        for (const std::uint32_t cell : tick.map.boards()[1].cells)
+          EXPECT_TRUE(!channels[i].sensor ||
+                      tick.planes[i][cell] ==
+                          (channels[i].name == "pin_height" ? kFirstSafe : channels[i].safe))
+              << channels[i].name;
       if (++refused_ticks < 200) return;
       boards.exchange_first();
       phase = kReturning;
-    } else if (phase == kReturning && tick.board_age[0] == 0) {
+    } else if (phase == kReturning && tick.board_age[1] == 0) {
       phase = kBack;
       waves.is_over = true;
     }
@@ -246,6 +267,67 @@ TEST(TableBridge, CellsOfAnotherBoardAreNotValidUntilTheFirstOneIsBack) {
   });
   EXPECT_EQ(phase, kBack) << testing::PrintToString(said);
   EXPECT_EQ(std::ranges::count_if(said, [](const auto& l) { return l.find("not used") != l.npos; }), 1);
+}
+
+// A calibration corrects readings: not the safe values of a board that is missing, and of one that is
+// refused.
+TEST(TableBridge, CalibrationLeavesCellsWithoutAReadingAlone) {
+  Boards boards;
+  TableSpec& spec = boards.spec;
+  spec.boards.push_back(spec.boards[1]);
+  spec.boards[2].id = "b2";
+  spec.boards[2].port = PortAddress::parse("/nonexistent", 115200);
+  spec.boards[2].column = 8;
+  for (TableBoard& board : spec.boards) board.size = {4, 4};
+  Calibration calibration;
+  calibration.table = "t";
+  calibration.actuator = "height";
+  calibration.sensor = "pin_height";
+  calibration.unit = "u";
+  calibration.rows = 4;
+  calibration.columns = 12;
+  calibration.period_us = kPeriod_us;
+  for (const TableBoard& b : spec.boards) calibration.boards.push_back({b.id, b.row, b.column});
+  calibration.fits.resize(calibration.cells());
+  for (CellFit& fit : calibration.fits) {
+    fit.value[CellFit::kSlope] = 1;
+    fit.value[CellFit::kSensorZero] = 0.25;
+  }
+  spec.calibration = testing::TempDir() + spec.name + ".toml";
+  std::ofstream(*spec.calibration) << calibration.text();
+
+  std::atomic<bool> stop{false};
+  bool is_exchanged = false, is_refused = false;
+  int frames = 0, valid_frames = 0, refused_frames = 0;
+  std::optional<shm_protocol::ObserverEndpoint> observer;
+  BridgeOptions options;
+  options.mode = shm_protocol::Mode::kPassive;
+  options.surface.clear();
+  options.connect_timeout = std::chrono::milliseconds(100);
+  options.is_recorder_ready = [&] {
+    if (!observer) observer = shm_protocol::ObserverEndpoint::attach(spec.name);
+    constexpr auto kSensor = shm_protocol::Direction::kSensor;
+    if (observer->latest(kSensor) != shm_protocol::Status::kOk) return true;
+    const auto& d = observer->description();
+    const auto pin = observer->array<float>(d.channel(kSensor, "pin_height"));
+    const auto valid = observer->array<std::uint8_t>(d.channel(kSensor, "valid"));
+    EXPECT_TRUE(!valid[0] || pin[0] == -0.25F) << pin[0];
+    EXPECT_TRUE(!valid[4] || pin[4] == -0.25F) << pin[4];
+    EXPECT_TRUE(!is_refused || pin[0] == kFirstSafe) << pin[0];
+    EXPECT_EQ(pin[8], kFirstSafe);
+    valid_frames += valid[0] && valid[4];
+    if (valid_frames == 5 && !std::exchange(is_exchanged, true)) boards.exchange_first();
+    refused_frames += is_refused;
+    stop = refused_frames == 5 || ++frames == 10'000;
+    return true;
+  };
+  TableBridge bridge(spec, options, stop, [&](const std::string& line) {
+    is_refused = is_refused || line.find("it is not used") != line.npos;
+  });
+  EXPECT_EQ(bridge.run(), Outcome::kStopped);
+  EXPECT_GE(valid_frames, 5);
+  EXPECT_EQ(refused_frames, 5);
+  std::filesystem::remove(*spec.calibration);
 }
 
 void expect_that_repeated_frames_are_not_valid(std::chrono::milliseconds silence) {

@@ -2,9 +2,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <random>
 
+#include "common/text/Number.h"
+#include "common/text/Words.h"
 #include "shm-protocol/hardware/bridge/TableFile.h"
 
 namespace hardware {
@@ -54,6 +58,23 @@ TEST_F(TableFile, ReadsBoards) {
   EXPECT_EQ(spec.boards[1].without, std::vector<std::string>{"load"});
 }
 
+// As programs write them.
+TEST_F(TableFile, TextsAndNumbersAreReadAsWritten) {
+  std::mt19937 random(3);
+  for (int round = 0; round < 200; ++round) {
+    const float pitch =
+        std::ldexp(1 + static_cast<float>(random()) * 0x1p-32F, static_cast<int>(random() % 40) - 20);
+    std::string device = "/";
+    for (int i = 0; i < 20; ++i) device += random() % 8 ? static_cast<char>(random() % 127 + 1) : '"';
+    device += "\u00e9";
+    const TableSpec spec =
+        read_table(write("name = \"t\"\nperiod_us = 5000\npitch = " + common::shortest(pitch) +
+                         "\n[[board]]\nat = [0, 0]\ndevice = " + common::toml_text(device)));
+    EXPECT_EQ(static_cast<float>(*spec.pitch), pitch);
+    EXPECT_EQ(spec.boards[0].port.text, device);
+  }
+}
+
 TEST_F(TableFile, MistakesAreNamedWithTheirLine) {
   std::string many_parts = "a";
   for (int i = 0; i < 100000; ++i) many_parts += ".a";
@@ -81,6 +102,8 @@ TEST_F(TableFile, MistakesAreNamedWithTheirLine) {
       {"name = \"t\"\n" + kBoard, "1: period_us is missing"},
       {"name = \"t\"\nperiod_us = 5\n" + kBoard, "2: period_us is 5, must be"},
       {"name = \"t\"\nperiod_us = 5000\npitch = 0\n" + kBoard, "3: pitch must be a length above 0"},
+      {"name = \"t\"\nperiod_us = 5000\ncalibration = \"\"\n" + kBoard,
+       "3: calibration is empty: must name a file"},
       {kHead + "board = 3\n", "4: board must be [[board]] tables"},
       {kHead, " has no [[board]]"},
       {kHead + kBoard + "turn = ", "8: "},

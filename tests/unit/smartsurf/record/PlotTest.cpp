@@ -69,6 +69,19 @@ class Image {
   cairo_surface_t* surface_;
 };
 
+// Names and units of recordings and devices; also those that are cut to their room.
+TEST(Chart, DrawsTextsThatAreNotUtf8) {
+  cairo_surface_t* const surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, 100, 40);
+  cairo_t* const cr = cairo_create(surface);
+  for (const std::string text : {"\xb5m", "\xc2", "a\x1b[31m\xff", "a long text \xe2\x82"}) {
+    EXPECT_GT(common::text_width(cr, text, 10), 0) << text;
+    common::draw_text(cr, 5, 20, text, 10, common::Align::kLeft, false, 30);
+    EXPECT_EQ(cairo_status(cr), CAIRO_STATUS_SUCCESS) << text;
+  }
+  cairo_destroy(cr);
+  cairo_surface_destroy(surface);
+}
+
 TEST(TrajectoryPlot, SmallObjectsSolidLargeObjectsDashed) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");

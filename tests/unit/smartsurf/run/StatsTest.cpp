@@ -55,3 +55,10 @@ TEST(Stats, NamesOfEarlierVersionsAreAliases) {
   EXPECT_EQ(json["purity"], 0.975);
   EXPECT_EQ(json["sorted_at_s"], 22.5);
 }
+
+TEST(Stats, NamesThatAreNotUtf8AreReplaced) {
+  RunSummary s;
+  s.metrics = {{"\xb5m", 1.0}};
+  const auto json = nlohmann::json::parse(to_json(s, PhaseTimes{}));
+  EXPECT_EQ(json["metrics"].items().begin().key(), "\xef\xbf\xbdm");
+}
