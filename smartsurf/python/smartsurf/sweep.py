@@ -119,12 +119,16 @@ def provenance(version: str, experiment: str, controller: str | None, settings: 
 
 # Execution
 
-def folder_name(text: str) -> str:
-    """A name for a folder: the text where a file system takes it, otherwise its beginning and a hash of the whole."""
-    name = text.replace("/", "_").replace("\0", "_")
-    if len(name.encode()) <= MAX_NAME_BYTES:
+def folder_name(options: Options, seed: int) -> str:
+    """A name for the folder of a point and seed, which no other has: NAME=VALUE,…,seed=N where a file system takes that and it
+    can be read in one way only, otherwise its beginning and a hash."""
+    text = ",".join([f"{k}={v}" for k, v in options] + [f"seed={seed}"])
+    name = re.sub("[/\0]", "_", text)
+    ambiguous = name != text or any("," in k or re.search(",.*=", v, re.DOTALL) for k, v in options)
+    if not ambiguous and len(name.encode()) <= MAX_NAME_BYTES:
         return name
-    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    whole = json.dumps([options, seed]) if ambiguous else text
+    digest = hashlib.sha256(whole.encode()).hexdigest()[:16]
     return name.encode()[:MAX_NAME_BYTES - 17].decode(errors="ignore") + "-" + digest
 
 
@@ -147,14 +151,15 @@ class Point:
 
     def __init__(self, out: pathlib.Path, options: Options, seed: int, digest: str):
         self.options, self.seed, self.digest = options, seed, digest
-        name = ",".join([f"{k}={v}" for k, v in options] + [f"seed={seed}"])
-        self.folder = out / "runs" / folder_name(name)
+        self.folder = out / "runs" / folder_name(options, seed)
 
     def status(self) -> int | None:
         """The exit status; None: not run yet, or with other sources."""
         try:
-            status, digest = (self.folder / "status").read_text().split()
-            return int(status) if digest == self.digest else None
+            status, digest, *options = (self.folder / "status").read_text().rstrip("\n").split(" ", 2)
+            # Without options: of an earlier version, in whose names of folders "_" also stood for "/".
+            same = options == [json.dumps(dict(self.options))] if options else not any("_" in value for _, value in self.options)
+            return int(status) if same and digest == self.digest else None
         except (OSError, ValueError):
             return None
 
@@ -256,7 +261,7 @@ def execute(task: dict[str, Any]) -> None:
             "host": platform.node(), "platform": platform.platform(), "started": started,
             "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
             "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
-        (folder / "status").write_text(f"{status} {task['digest']}\n")
+        (folder / "status").write_text(f"{status} {task['digest']} {json.dumps(task['arguments']['set'])}\n")
 
 
 # Tables

@@ -18,7 +18,7 @@ from programs import *
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
 from smartsurf.run import RunError, plot, run  # noqa: E402
 from smartsurf.success import success_curve, time_of_share  # noqa: E402
-from smartsurf.sweep import quantile, samples, wilson  # noqa: E402
+from smartsurf.sweep import folder_name, quantile, samples, wilson  # noqa: E402
 
 SWEEP = str(ROOT / "scripts/sweep")
 
@@ -147,6 +147,17 @@ class SweepStatistics(unittest.TestCase):
         self.assertTrue(all(60 < count < 140 for count in counts), counts)
 
 
+    def test_folders_of_points_differ(self):
+        # Few letters, so that different points often read alike.
+        source, points = random.Random(3), {}
+        for _ in range(20000):
+            options = tuple((source.choice(("a", "b", "a,b")), "".join(source.choices("/_,=ab-", k=source.randint(1, 5))))
+                            for _ in range(source.randint(0, 3)))
+            point = options, source.randint(1, 2)
+            self.assertEqual(points.setdefault(folder_name(*point), point), point)
+        self.assertEqual(folder_name((("goal", "1,2"), ("file", "a=b")), 3), "goal=1,2,file=a=b,seed=3")
+
+
 class Sweep(ProgramTest):
     def sweep(self, *arguments):
         return self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out",
@@ -239,6 +250,28 @@ class Sweep(ProgramTest):
         self.assertIn("3 runs, 1 done before", out)
         self.assertEqual(untouched, (runs / "weight=1,seed=3/stats.json").stat().st_mtime_ns)
         self.assertEqual([r["exit_status"] for r in self.results()], ["0", "0", "0"])
+
+    def test_a_folder_of_another_point_is_not_taken_as_done(self):
+        self.write("table.lua", TABLE + "local part = option('part', 'a', 'a text') on_finish(function() metric('length', #part) end)\n")
+
+        def sweep(parts):
+            status, out, err = self.sweep("--set", f"part={parts}", "--jobs", "1")
+            self.assertEqual(status, 0, err)
+            return out.split(" done")[0], [(row["part"], float(row["length"])) for row in self.results()]
+        both = [("parts/aä", 9), ("parts_aä", 9)]
+        self.assertEqual(sweep("parts/aä,parts_aä"), ("2 runs, 0", both))
+        self.assertEqual(sweep("parts/aä,parts_aä"), ("2 runs, 2", both))
+        folder = self.folder / "out/runs/part=parts_aä,seed=1"
+        status = folder / "status"
+        done, digest, _ = status.read_text().split(" ", 2)
+        # Of other options, and of an earlier version, whose folder may be that of parts/aä.
+        for text, before in ((f'{done} {digest} {{"part": "parts/aä"}}', 1), (f"{done} {digest}", 1)):
+            status.write_text(text)
+            self.assertEqual(sweep("parts/aä,parts_aä"), (f"2 runs, {before}", both))
+        # One of an earlier version whose name is that of no other point is kept.
+        self.assertEqual(sweep("whole"), ("1 runs, 0", [("whole", 5)]))
+        (self.folder / "out/runs/part=whole,seed=1/status").write_text(f"{done} {digest}\n")
+        self.assertEqual(sweep("whole"), ("1 runs, 1", [("whole", 5)]))
 
     def test_reruns_points_after_changes(self):
         self.write("shared.lua", "return 10")
