@@ -436,6 +436,26 @@ exec {APRON} run {idle} --shm "$2"
         self.assertEqual(self.sweep("--controller", f"sh {flaky} 9 {{shm}}", "--retry", "1")[0], 1)
         self.assertEqual((self.folder / "tries").read_text(), "run\n" * 2)
 
+    def test_an_interrupted_sweep_starts_nothing_and_resumes(self):
+        # A simulator that never ends by itself.
+        stuck = self.write("stuck", """#!/bin/sh
+            [ "$1" = run ] || exec true
+            echo run >>starts
+            exec sleep 1000
+            """)
+        os.chmod(stuck, 0o755)
+        for number, flags in ((signal.SIGINT, ("--worlds", "4")), (signal.SIGTERM, ("--jobs", "1", "--retry", "2"))):
+            starts = self.folder / "starts"
+            sweep = self.start(SWEEP, self.experiment, "--smartsurf", stuck, "--until", "0.1", "-o", "out", "--seeds", "1-4", *flags)
+            self.wait_for(starts.exists, "the first run")
+            sweep.send_signal(number)
+            self.assertEqual(self.finish(sweep), (128 + number, "4 runs, 0 done before\n", ""))
+            self.assertEqual(starts.read_text(), "run\n")
+            starts.unlink()
+            self.assertEqual(list(self.folder.glob("out/runs/*/status")), [])
+        status, out, err = self.sweep("--seeds", "1-4", "--worlds", "4")
+        self.assertEqual((status, [row["exit_status"] for row in self.results()]), (0, ["0"] * 4), err)
+
     def test_samples_are_drawn_once_per_seed_of_the_search(self):
         words = ("--set", "weight=2:4.0", "--samples", "4", "--seeds", "1-2")
         self.assertEqual(self.sweep(*words)[0], 0)
