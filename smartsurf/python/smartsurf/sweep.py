@@ -19,6 +19,7 @@ import platform
 import random
 import re
 import shlex
+import shutil
 import statistics
 import sys
 import time
@@ -230,8 +231,19 @@ def tasks(points: Sequence[Point], arguments: dict[str, Any], worlds: int = 1, t
             for pack in packs]
 
 
+@contextlib.contextmanager
+def temporary(folder: pathlib.Path) -> Iterator[pathlib.Path]:
+    """The folder, empty, while its context lasts."""
+    shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def execute(task: dict[str, Any]) -> None:
-    """Runs a task and writes each run's OUTPUTS, the last its status.
+    """Runs a task and writes each run's OUTPUTS, the last its status, and beside a recording what its script writes.
 
     A pack is one process. If it fails, its runs are repeated one by one, so that each has its own status and log."""
     folders = [pathlib.Path(folder) for folder in task["folders"]]
@@ -239,29 +251,31 @@ def execute(task: dict[str, Any]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("status", "stats.json"):
             (folder / name).unlink(missing_ok=True)
-    pack: dict[str, Any] = {"worlds": len(folders)} if len(folders) > 1 else {}
-    record: dict[str, Any] = {"record": str(folders[0] / "recording.h5")} if task["record"] else {}
-    words = command(**task["arguments"], seed=task["seed"], **pack, **record)
-    started, start = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), time.monotonic()
-    for attempt in range(1, task["retry"] + 2):
-        status, stats, log = execute_command(words, task["timeout"])
-        if status in (0, 2):  # invalid input stays invalid
-            break
-    if pack and status != 0:
-        for k, folder in enumerate(folders):
-            execute({**task, "seed": task["seed"] + k, "folders": [str(folder)]})
-        return
+        shutil.rmtree(folder / "recording.files", ignore_errors=True)
+    is_pack = len(folders) > 1
+    with temporary(folders[0] / "worlds") if is_pack else contextlib.nullcontext(folders[0]) as made:
+        words = command(**task["arguments"], seed=task["seed"], worlds=len(folders) if is_pack else None,
+                        record=made / "recording.h5" if task["record"] else None)
+        started, start = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), time.monotonic()
+        for attempt in range(1, task["retry"] + 2):
+            status, stats, log = execute_command(words, task["timeout"])
+            if status in (0, 2):  # invalid input stays invalid
+                break
+        if not is_pack or status == 0:
+            for k, folder in enumerate(folders):
+                for file in made.glob(f"recording-{k}.*") if is_pack else ():
+                    file.replace(folder / f"recording{file.suffix}")
+                if stats is not None:
+                    (folder / "stats.json").write_text(json.dumps(stats["runs"][k] if is_pack else stats, indent=2) + "\n")
+                (folder / "log").write_text(log)
+                (folder / "provenance.json").write_text(json.dumps({
+                    "host": platform.node(), "platform": platform.platform(), "started": started,
+                    "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
+                    "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
+                (folder / "status").write_text(f"{status} {task['digest']} {json.dumps(task['arguments']['set'])}\n")
+            return
     for k, folder in enumerate(folders):
-        if pack and record:
-            (folders[0] / f"recording-{k}.h5").replace(folder / "recording.h5")
-        if stats is not None:
-            (folder / "stats.json").write_text(json.dumps(stats["runs"][k] if pack else stats, indent=2) + "\n")
-        (folder / "log").write_text(log)
-        (folder / "provenance.json").write_text(json.dumps({
-            "host": platform.node(), "platform": platform.platform(), "started": started,
-            "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
-            "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
-        (folder / "status").write_text(f"{status} {task['digest']} {json.dumps(task['arguments']['set'])}\n")
+        execute({**task, "seed": task["seed"] + k, "folders": [str(folder)]})
 
 
 # Tables

@@ -406,6 +406,25 @@ class Sweep(ProgramTest):
         with open(self.folder / "single/results.csv", newline="") as file:
             self.assertEqual([(r["seed"], r["chance"], r["state_hash"]) for r in csv.DictReader(file)], packed)
 
+    def test_packed_worlds_write_into_the_folders_of_their_runs(self):
+        files = "on_finish(function() local f = io.open('chance.txt', 'w') f:write(seed_digit) f:close() end)\n"
+        self.write("table.lua", TABLE + files)
+        for words in (("--worlds", "3"), ("--worlds", "1")):
+            self.assertEqual(self.sweep("--seeds", "1-3", "--record", "-o", words[1], *words)[0], 0)
+        names, single = ({file.relative_to(out): file for file in out.rglob("*") if file.is_file()}
+                         for out in (self.folder / "3/runs", self.folder / "1/runs"))
+        self.assertEqual(names.keys(), single.keys())
+        written = [name for name in names if name.name == "chance.txt"]
+        self.assertEqual(len({names[name].read_text() for name in written}), 3)
+        self.assertEqual([names[name].read_text() for name in written], [single[name].read_text() for name in written])
+        # Of a world that fails nothing is left but what single runs leave.
+        self.write("table.lua", TABLE + files + "at(0.05, function() if seed_digit < 0.5 then error('bad luck') end end)\n")
+        self.assertEqual(self.sweep("--seeds", "2-6", "--worlds", "5", "--record")[0], 1)
+        self.assertEqual({path.name for path in self.folder.glob("out/runs/*/*")},
+                         {"log", "provenance.json", "recording.files", "recording.h5", "stats.json", "status"})
+        self.assertEqual(len({file.read_text() for file in self.folder.glob("out/runs/*/recording.files/*")}),
+                         [row["exit_status"] for row in self.results()].count("0"))
+
     def test_failing_world_of_a_pack_is_reported_alone(self):
         self.write("table.lua", TABLE.replace("on_finish", "if seed_digit < 0.5 then error('bad luck') end\non_finish"))
         status, _, err = self.sweep("--seeds", "2-6", "--worlds", "5")
