@@ -484,6 +484,19 @@ exec {APRON} run {idle} --shm "$2"
         self.assertIn("8 runs, 8 done before", self.sweep(*words)[1])
         self.assertIn("8 runs, 0 done before", self.sweep(*words, "--search", "random")[1])
 
+    def test_a_range_of_a_nuisance_is_drawn_in_each_run(self):
+        self.write("table.lua", TABLE + "sphere { radius = 0.4, position = {1, 1, 3} }\n")
+        for value in ("0.5:1.5", "0.5:1.5:absolute", "0.5:1.5:factor"):
+            status, out, err = self.sweep("--samples", "5", "--search", "random", "--vary", f"friction={value}", "--set", "weight=1,2", "--seeds", "1-2")
+            self.assertEqual(status, 0, err)
+            self.assertIn("2 of the 5 samples differ: each runs once\n4 runs, ", out)
+            rows = self.results()
+            self.assertEqual([(row["weight"], row["vary.friction"]) for row in rows], [(weight, value) for weight in "12" for _ in range(2)])
+            self.assertEqual(len({row["varied.friction"] for row in rows}), 2)
+        status, _, err = self.sweep("--samples", "3", "--vary", "friction=0.5:1.5")
+        self.assertEqual((status, err.count("\n")), (2, 1), err)
+        self.assertIn("--samples 3: needs the options to sample", err)
+
     def test_without_scipy_a_latin_hypercube_is_one_clear_line(self):
         self.write("sitecustomize.py", "import sys\nsys.modules['scipy'] = None\n")
         os.environ["PYTHONPATH"] = str(self.folder)
