@@ -95,7 +95,8 @@ def _last_line(log: str, status: int) -> str:
 
 
 def _text(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    is_bool = isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b"  # Python's, NumPy's
+    return str(value).lower() if is_bool else str(value)
 
 
 def command(experiment: str | os.PathLike[str], controller: str | None = None, seed: int | None = None,

@@ -1,5 +1,6 @@
 """scripts/sweep: each point runs once, results form tables, interrupted sweeps resume; smartsurf.run; cluster engines."""
 import concurrent.futures
+import contextlib
 import csv
 import fcntl
 import functools
@@ -53,6 +54,16 @@ class RunFunction(ProgramTest):
         self.assertNotEqual(first["metrics"]["chance"], other["metrics"]["chance"])
         packed = self.run(seed=3, worlds=2)["runs"]
         self.assertEqual([r["metrics"]["chance"] for r in packed], [r["metrics"]["chance"] for r in (first, other)])
+
+    def test_values_of_options_are_as_scripts_have_them(self):
+        self.write("table.lua", TABLE + "if option('flag', false, '') then metric('flag', 1) end\n")
+        values = [True, False]
+        with contextlib.suppress(ImportError):
+            import numpy as np
+            values += [np.True_, np.False_]
+        for value in values:
+            stats = self.run(set={"flag": value, "weight": 2.0})
+            self.assertEqual((stats["metrics"].get("flag"), stats["metrics"]["product"]), (1 if value else None, 20))
 
     def test_runs_in_other_processes(self):
         with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
@@ -238,6 +249,18 @@ class Sweep(ProgramTest):
             picture = (self.folder / "out/results.svg").read_text()
             # A point for each run in the light colour, and one of the legend, of which none lies outside the axes.
             self.assertEqual(picture.count("rgb(49.80"), 3, values)
+
+    def test_a_sweep_whose_output_nobody_reads_does_its_work(self):
+        more = "import sys; sys.path.insert(0, sys.argv[1]); from smartsurf._printable import guard_output; guard_output(); " \
+            "print('a line\\n' * 100_000, 'another'); sys.exit(3)"
+        for status, words in ((0, (SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out")),
+                              (3, (sys.executable, "-c", more, str(ROOT / "smartsurf/python")))):
+            reader, writer = os.pipe()
+            os.close(reader)
+            done = subprocess.run(words, cwd=self.folder, stdout=writer, stderr=subprocess.PIPE, text=True)
+            os.close(writer)
+            self.assertEqual((done.returncode, done.stderr), (status, ""))
+        self.assertEqual(len(self.results()), 1)
 
     def test_reruns_only_unfinished_and_failed_points(self):
         self.assertEqual(self.sweep("--set", "weight=1", "--seeds", "1-3")[0], 0)
