@@ -323,7 +323,7 @@ std::vector<std::string> Recording::metric_names() const {
   std::vector<std::string> names;
   for (const DatasetInfo& dataset : datasets())
     if (dataset.name.starts_with(group) && dataset.extents.size() == 1)
-      names.push_back(dataset.name.substr(group.size()));
+      names.push_back(name_of_link(std::string_view(dataset.name).substr(group.size())));
   if (has_legacy_purity()) names.emplace_back(kPurity);
   return names;
 }
@@ -353,7 +353,7 @@ std::optional<double> Recording::success_s() const {
 std::vector<double> Recording::read_metric(const std::string& name) const {
   if (name == kPurity && has_legacy_purity()) return legacy_purity().values;
   return contents_->translate_errors([&] {
-    const std::string dataset = std::string(paths::kMetrics) + "/" + name;
+    const std::string dataset = std::string(paths::kMetrics) + "/" + link_name(name);
     const hsize_t stored = extents(open_dataset(contents_->file, dataset, 1))[0];
     std::vector<double> values =
         read_column<double>(contents_->file, dataset, std::min<hsize_t>(stored, frames()));

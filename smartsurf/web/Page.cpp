@@ -9,6 +9,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <span>
 
 #include "common/files/AtomicFile.h"
 #include "smartsurf/scene/SurfaceBounds.h"
@@ -27,24 +28,34 @@ using record::Recording;
 
 constexpr std::size_t kMaxUnpackedBytes = std::size_t{400} << 20;  // in the browser's memory
 
-// A channel with one value per cell, its group in the recording and its unit ("": none).
+constexpr const char* kChannelGroups[] = {"sensors", "actuators", "registers"};
+
+// A channel of cells, its group in the recording and its unit ("": none), with a series for each component.
 struct CellChannel {
   std::string name, group, unit;
-  SeriesLayout layout;
+  std::vector<SeriesLayout> components;
 };
 
-// The minimum and maximum value in the selected frames.
-std::pair<double, double> value_range(const Recording& recording, const CellChannel& channel,
-                                      const std::vector<std::size_t>& frames) {
-  double low = std::numeric_limits<double>::infinity(), high = -low;
-  for (const std::size_t frame : frames)
-    for (const float value : recording.read_channel(channel.group, channel.name, frame)) {
-      if (!std::isfinite(value)) continue;
-      low = std::min(low, double{value});
-      high = std::max(high, double{value});
+// The minimum and maximum value of each component in the selected frames.
+void find_ranges(const Recording& recording, const std::vector<std::size_t>& frames, CellChannel& channel) {
+  std::vector<SeriesLayout>& components = channel.components;
+  for (SeriesLayout& component : components) {
+    component.low = std::numeric_limits<double>::infinity();
+    component.high = -component.low;
+  }
+  for (const std::size_t frame : frames) {
+    const std::vector<float> values = recording.read_channel(channel.group, channel.name, frame);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (!std::isfinite(values[i])) continue;
+      SeriesLayout& component = components[i % components.size()];
+      component.low = std::min(component.low, double{values[i]});
+      component.high = std::max(component.high, double{values[i]});
     }
-  if (!(low <= high)) return {0.0, 1.0};
-  return {low, low < high ? high : low + 1.0};
+  }
+  for (SeriesLayout& component : components) {
+    if (!(component.low <= component.high)) component.low = 0.0, component.high = 1.0;
+    if (component.low == component.high) component.high = component.low + 1.0;
+  }
 }
 
 std::vector<CellChannel> collect_cell_channels(const Recording& recording,
@@ -54,15 +65,18 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
   std::vector<CellChannel> channels;
   if (recording.has_heights()) {
     channels.push_back(
-        {"height", "", "u", {surface.pin.min_height, surface.max_top_height(), 1, cell_count}});
+        {"height", "", "u", {{surface.pin.min_height, surface.max_top_height(), 1, cell_count}}});
   }
-  for (const char* group : {"sensors", "actuators", "registers"})
+  for (const char* group : kChannelGroups)
     for (const std::string& name : recording.channel_names(group)) {
-      CellChannel channel{name, group, recording.channel_info(group, name).unit, {0.0, 1.0, 1, cell_count}};
-      if (recording.read_channel(group, name, frames.front()).size() != cell_count)
-        continue;  // skip channels with several components
-      std::tie(channel.layout.low, channel.layout.high) = value_range(recording, channel, frames);
-      channels.push_back(channel);
+      const std::size_t components = recording.channel_components(group, name);
+      if (components == 0 ||
+          recording.read_channel(group, name, frames.front()).size() != components * cell_count)
+        continue;
+      CellChannel& channel = channels.emplace_back();
+      channel = {name, group, recording.channel_info(group, name).unit, {}};
+      channel.components.assign(components, {0.0, 1.0, 1, cell_count});
+      find_ranges(recording, frames, channel);
     }
   return channels;
 }
@@ -156,15 +170,26 @@ void encode_objects(const Recording& recording, const std::vector<std::size_t>& 
 void encode_cell_channels(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
                           std::vector<std::uint8_t>& stream) {
   for (const CellChannel& channel : collect_cell_channels(recording, frames)) {
-    SeriesEncoder encoder(channel.layout);
-    for (const std::size_t frame : frames)
-      if (channel.group.empty())
-        encoder.add(recording.read_heights(frame));
-      else
-        encoder.add(recording.read_channel(channel.group, channel.name, frame));
-    series.push_back(series_json(channel.group.empty() ? "height" : channel.group + "/" + channel.name,
-                                 encoder.layout(), channel.unit));
-    append_series(stream, encoder);
+    const std::size_t components = channel.components.size();
+    std::vector<SeriesEncoder> encoders(channel.components.begin(), channel.components.end());
+    std::vector<float> channel_values, plane;
+    for (const std::size_t frame : frames) {
+      if (!channel.group.empty()) channel_values = recording.read_channel(channel.group, channel.name, frame);
+      const std::span<const float> values =
+          channel.group.empty() ? recording.read_heights(frame) : std::span<const float>(channel_values);
+      plane.resize(values.size() / components);
+      for (std::size_t k = 0; k < components; ++k) {
+        for (std::size_t cell = 0; cell < plane.size(); ++cell) plane[cell] = values[cell * components + k];
+        encoders[k].add(plane);
+      }
+    }
+    for (std::size_t k = 0; k < components; ++k) {
+      const std::string index = components == 1 ? "" : "[" + std::to_string(k) + "]";
+      series.push_back(
+          series_json(channel.group.empty() ? "height" : channel.group + "/" + channel.name + index,
+                      encoders[k].layout(), channel.unit));
+      append_series(stream, encoders[k]);
+    }
   }
 }
 
@@ -216,9 +241,11 @@ void require_size_limit(const Recording& recording, std::size_t frames) {
   const std::size_t cells = recording.spec().surface.cell_count();
   if (const auto& skin = recording.spec().surface.skin)
     bytes_per_frame += 6 * static_cast<std::size_t>(skin->rows) * static_cast<std::size_t>(skin->columns);
-  bytes_per_frame +=
-      cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channel_names("sensors").size() +
-               recording.channel_names("actuators").size() + recording.channel_names("registers").size());
+  std::size_t values = 1 + (recording.has_motion() ? 6 : 0);
+  for (const char* group : kChannelGroups)
+    for (const std::string& name : recording.channel_names(group))
+      values += recording.channel_components(group, name);
+  bytes_per_frame += cells * values;
   if (bytes_per_frame * frames <= kMaxUnpackedBytes) return;
   const double fraction =
       static_cast<double>(kMaxUnpackedBytes) / static_cast<double>(bytes_per_frame * frames);

@@ -47,6 +47,8 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
     for recording, (_, options) in zip(read_in, scenes):
         recording.options.update(options)
     rerun = Rerun(experiment, read_in, set)
+    original = _identified.read_original(pathlib.Path(experiment))
+    _check_place(out, rerun, original)
     for path, options in scenes:
         for name in options.keys() - rerun.simulation.options.keys():
             raise RecordingError(f"{path},{name}={options[name]}: {experiment} has no option '{name}' "
@@ -99,10 +101,21 @@ def identify(recordings: Sequence[str | pathlib.Path], experiment: str | pathlib
         if found.name in declared_sensors:
             rows += found.faults
             rows += _bias(found, rerun)
+    then = original.values.get(prefix + "latency", (0.0, 0.0))[0]
+    rows = _identified.with_earlier_cells(rows, original.rows, cells, {s.name for s in sensors},
+                                          round(then - values.get(prefix + "latency", (then, 0.0))[0]))
     report = _identified.summary(cells, sensors, motion, rms)
-    _write(out, rerun, values, rows, report)
+    map_file = out.with_suffix(".csv")
+    if rows:
+        map_file.write_text(_identified.map_text(rows))
+    out.write_text(_identified.experiment_text(original, read_in, rerun.options[0], values, map_file.name if rows else None))
+    out.with_suffix(".txt").write_text(report)
     out.with_suffix(".json").write_text(_identified.as_json(read_in, cells, sensors, motion, values, rms))
     _identified.draw(out.with_suffix(".svg"), read_in, cells, height or "", motion, declared)
+    try:
+        Simulation(out, set=rerun.options[0])
+    except Error as error:
+        raise RecordingError(f"{error}; {out} and the files beside it have what was found") from error
     return Identified(values, cells, sensors, motion, report)
 
 
@@ -136,6 +149,18 @@ def _check_output(out: pathlib.Path, experiment: str | pathlib.Path, recordings:
             target = out.with_suffix(suffix)
             if target.exists() and pathlib.Path(path).exists() and target.samefile(path):
                 raise RecordingError(f"{target}: would overwrite what is read")
+
+
+def _check_place(out: pathlib.Path, rerun: Rerun, original: _identified.Original) -> None:
+    """What keeps the experiment with the values from being loaded is known before they are found."""
+    if not original.comment and "uncertainty" in rerun.simulation.options:
+        raise RecordingError(f"{rerun.experiment}: has an option 'uncertainty', which identified experiments declare: must be called otherwise")
+    if out.parent.samefile(pathlib.Path(rerun.experiment).parent):
+        return
+    try:
+        Simulation(out, set=rerun.options[0], source=pathlib.Path(rerun.experiment).read_text())
+    except Error as error:
+        raise RecordingError(f"{error}; the files of {rerun.experiment} must be beside {out}") from error
 
 
 def _height_channel(recordings: Sequence[Recorded], sensor: str, channel: str, label: str | None) -> str | None:
@@ -206,18 +231,3 @@ def _object_sensor(rerun: Rerun, recordings: Sequence[Recorded], label: str, pro
     if proximity is None and force is None:
         raise RecordingError(f"{recordings[0].path}: no proximity and no pressure sensor sees the object")
     return force
-
-
-def _write(out: pathlib.Path, rerun: Rerun, values: dict[str, tuple[float, float]], rows: _identified.Rows, report: str) -> None:
-    experiment, map_file = pathlib.Path(rerun.experiment), out.with_suffix(".csv")
-    text = _identified.experiment_text(experiment.read_text(), experiment.name, rerun.recordings, rerun.options[0], values,
-                                        map_file.name if rows else None)
-    if rows:
-        map_file.write_text(_identified.map_text(rows))
-    out.write_text(text)
-    out.with_suffix(".txt").write_text(report)
-    try:
-        Simulation(out, set=rerun.options[0])
-    except Error as error:
-        out.unlink()
-        raise RecordingError(f"{out}: {error}; the files of {experiment} must be beside it") from error

@@ -4,16 +4,19 @@ from __future__ import annotations
 import json
 import math
 import pathlib
+import re
 import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ._cells import GOOD, IDLE, STUCK, UNSURE, CellFit
 from ._motion import MotionFit
+from ._printable import printable
 from ._readings import SensorFit
-from ._recorded import Array, Recorded
+from ._recorded import Array, Recorded, RecordingError
 from .run import plot
 
 Rows = list[tuple[int, int, str, str, "float | None"]]
@@ -59,17 +62,87 @@ def values(fit: CellFit | None, prefix: str, least_delay: int, sensors: Sequence
     return found
 
 
-def experiment_text(original: str, original_name: str, recordings: Sequence[Recorded], options: dict[str, str],
+def lua_string(text: str) -> str:
+    """The text as a string of Lua."""
+    return "'" + re.sub(r"[\\'\x00-\x1f\x7f\udc80-\udcff]", lambda c: "\\" + c[0] if c[0] in "\\'" else f"\\{ord(c[0]) & 0xff:03d}", text) + "'"
+
+
+def _text_of(quoted: str) -> str:
+    """The text that lua_string() has quoted."""
+    return re.sub(r"\\(\d{3}|.)", lambda c: chr(int(c[1])) if c[1].isdigit() else c[1], quoted[1:-1])
+
+
+_TAIL = """
+if not has_faults then faults {} end
+for name in pairs(ranges) do
+  local label = name:match('^object%.(.*)%.')
+  if label and label ~= '*' and not labels[label] then ranges[name] = nil end  -- not in this run
+end
+script_vary(ranges)
+"""
+_QUOTED = r"'(?:[^'\\\n]|\\.)*'"
+_VALUE = re.compile(rf"  \[({_QUOTED})\] = {{ (\S+), (\S+) }},\n")
+_MAP = re.compile(rf"\n  fields\.map = ({_QUOTED})  -- single cells\n")
+_WITH_VALUES = re.compile(rf"(?P<comment>-- .* with what smartsurf identify has found in .*\n(?:-- (?:Then|There) with .*\n)*)"
+                          rf"-- Each parameter: .*\n.*\nlocal identified = {{\n(?P<values>(?:{_VALUE.pattern})*)}}\n"
+                          rf"(?P<head>(?:(?!-- ----).*\n)*)-- -{{20}} (?P<name>.*)\n(?P<text>[\s\S]*){re.escape(_TAIL)}")
+
+
+@dataclass
+class Original:
+    """An experiment that is to be identified. If it is the result of an identification: the experiment before, and what was found."""
+    name: str
+    text: str
+    comment: str = ""
+    values: dict[str, tuple[float, float]] = field(default_factory=dict)
+    rows: Rows = field(default_factory=list)
+
+
+def read_original(path: pathlib.Path) -> Original:
+    text = path.read_text()
+    found = _WITH_VALUES.fullmatch(text)
+    if not found:
+        return Original(printable(path.name), text)
+    rows: Rows = []
+    if map_name := _MAP.search(found["head"]):
+        map_file = path.parent / _text_of(map_name[1])
+        try:
+            lines = map_file.read_text().splitlines()[1:]
+            for row, column, channel, fault, value in (line.split(",") for line in lines):
+                rows.append((int(row), int(column), channel, fault, float(value) if value else None))
+        except (OSError, ValueError) as error:
+            raise RecordingError(f"{map_file}: {getattr(error, 'strerror', None) or error}; is the map of {path}") from error
+    return Original(found["name"], found["text"], found["comment"],
+                    {_text_of(name): (float(value), float(error)) for name, value, error in _VALUE.findall(found["values"])}, rows)
+
+
+def with_earlier_cells(rows: Rows, earlier: Rows, fit: CellFit | None, sensors: set[str], later: int) -> Rows:
+    """The rows and, of cells and sensors that are not identified again, the earlier ones. later: by how many ticks the pins'
+    latency was above that of now."""
+    again = set() if fit is None else {(int(r), int(c)) for r, c in np.argwhere((fit.state == GOOD) | (fit.state == STUCK))}
+    kept = [row for row in earlier if row[2] not in sensors and not (fit is not None and row[2] == fit.channel and row[:2] in again)]
+    if fit is not None and later:
+        late = {row[:2]: row[4] or 0.0 for row in kept if row[2:4] == (fit.channel, "late")}
+        delays = {row[:2]: late.get(row[:2], 0.0) + later for row in kept if row[2:4] == (fit.channel, "gain")}
+        kept = [row for row in kept if row[2:4] != (fit.channel, "late")]
+        kept += [(*cell, fit.channel, "late", delay) for cell, delay in delays.items() if delay > 0]
+    return kept + rows
+
+
+def experiment_text(original: Original, recordings: Sequence[Recorded], options: dict[str, str],
                     found: dict[str, tuple[float, float]], map_name: str | None) -> str:
     """The original script between lines that give it the values."""
-    lines = [f"-- {original_name} with what smartsurf identify has found in {', '.join(pathlib.Path(r.path).name for r in recordings)}."]
+    names = printable(", ".join(pathlib.Path(r.path).name for r in recordings))
+    comment = f"-- Then with what it has found in {names}." if original.comment \
+        else f"-- {original.name} with what smartsurf identify has found in {names}."
+    lines = [*original.comment.splitlines(), comment]
     if options:
         words = " ".join("--set " + shlex.quote(f"{name}={value}") for name, value in sorted(options.items()))
-        lines.append("-- There with " + "".join(c if c.isprintable() else " " for c in words))
+        lines.append(f"-- There with {printable(words)}")
     lines += ["-- Each parameter: its value and its standard error. With --set uncertainty=2 each run draws from two errors to both sides.",
               "local uncertainty = option('uncertainty', 0, 'half width of the identified ranges, in standard errors')",
               "local identified = {"]
-    lines += [f"  ['{name}'] = {{ {number(value, 9)}, {number(error, 4)} }}," for name, (value, error) in found.items()]
+    lines += [f"  [{lua_string(name)}] = {{ {number(value, 9)}, {number(error, 4)} }}," for name, (value, error) in {**original.values, **found}.items()]
     lines += ["}", "local script_vary, script_faults, has_faults, ranges, labels = vary, faults, false, {}, {}",
               "for name, pair in pairs(identified) do",
               "  local width = uncertainty * pair[2]",
@@ -88,13 +161,9 @@ def experiment_text(original: str, original_name: str, recordings: Sequence[Reco
               "function faults(fields)",
               "  has_faults = true"]
     if map_name is not None:
-        lines.append(f"  fields.map = '{map_name}'  -- single cells")
-    lines += ["  return script_faults(fields)", "end", f"-- {'-' * 20} {original_name}"]
-    return "\n".join(lines) + "\n" + original + ("" if original.endswith("\n") else "\n") \
-        + "\n".join(["", "if not has_faults then faults {} end", "for name in pairs(ranges) do",
-                     "  local label = name:match('^object%.(.*)%.')",
-                     "  if label and label ~= '*' and not labels[label] then ranges[name] = nil end  -- not in this run", "end",
-                     "script_vary(ranges)", ""])
+        lines.append(f"  fields.map = {lua_string(map_name)}  -- single cells")
+    lines += ["  return script_faults(fields)", "end", f"-- {'-' * 20} {original.name}"]
+    return "\n".join(lines) + "\n" + original.text + ("" if original.text.endswith("\n") else "\n") + _TAIL
 
 
 def map_text(rows: Rows) -> str:

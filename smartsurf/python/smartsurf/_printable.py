@@ -1,9 +1,11 @@
 """Texts of files and names on terminals, whose control characters they must not reach. Needs the standard library only."""
 from __future__ import annotations
 
+import contextlib
+import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any, TextIO, cast
 
 # Those of common/text/Printable.cpp: control characters, and Unicode's of lines and of the direction of writing.
@@ -16,25 +18,43 @@ def printable(text: object, also: str = "") -> str:
 
 
 class _Guarded:
-    """A stream that escapes control characters but line breaks and tabs."""
+    """A stream to which nothing is written once nobody reads it. escapes: control characters but line breaks and tabs."""
 
-    def __init__(self, stream: TextIO):
-        self._stream = stream
+    def __init__(self, stream: TextIO, escapes: bool):
+        self._stream, self._escapes = stream, escapes
 
     def write(self, text: str) -> int:
-        return self._stream.write(printable(text, "\n\t"))
+        with self._unread():
+            self._stream.write(printable(text, "\n\t") if self._escapes else text)
+        return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
         for line in lines:
             self.write(line)
+
+    def flush(self) -> None:
+        with self._unread():
+            self._stream.flush()
+
+    @contextlib.contextmanager
+    def _unread(self) -> Iterator[None]:
+        """Of a pipe that its reader has closed, what is buffered and what follows is dropped."""
+        try:
+            yield
+        except BrokenPipeError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+            self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
 
 def guard_output() -> None:
-    """Of this process: what it writes to sys.stderr and, if that is a terminal, to sys.stdout."""
+    """Of this process: what it writes to sys.stderr and, if that is a terminal, to sys.stdout is escaped. It does its work also if
+    nobody reads what it writes."""
     if sys.stderr is not None:  # it is None where its descriptor is closed
-        sys.stderr = cast(TextIO, _Guarded(sys.stderr))
-    if sys.stdout is not None and sys.stdout.isatty():
-        sys.stdout = cast(TextIO, _Guarded(sys.stdout))
+        sys.stderr = cast(TextIO, _Guarded(sys.stderr, True))
+    if sys.stdout is not None:
+        sys.stdout = cast(TextIO, _Guarded(sys.stdout, sys.stdout.isatty()))

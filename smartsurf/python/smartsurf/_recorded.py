@@ -5,6 +5,7 @@ import ctypes
 import multiprocessing
 import os
 import pathlib
+import re
 import resource
 import signal
 from collections.abc import Callable, Mapping
@@ -205,6 +206,11 @@ def _check_is_whole(file: h5py.File) -> None:
         group = own(file, top)
         for name in group if isinstance(group, h5py.Group) else ():
             own(group, name)
+
+
+def name_of_link(link: str) -> str:
+    """The name of a metric, by that of its dataset."""
+    return re.sub("%(2F|00|2E|25)", lambda code: chr(int(code[1], 16)), link)
 
 
 def _read(name: str, file: h5py.File) -> Recorded:

@@ -134,14 +134,14 @@ def read_model(data: bytes) -> Model:
 
 
 def _add_data(model: Model, recording: pathlib.Path) -> None:
-    from ._recorded import RecordingError, read_apart
+    from ._recorded import RecordingError, name_of_link, read_apart
 
     def data(_: str, file: Any) -> tuple[dict[str, Array], dict[str, Array]]:
         def of(group: str, ranks: tuple[int, ...]) -> dict[str, Array]:
             return {name: values[model.frames] for name, values in file.get(group, {}).items()
                     if getattr(values, "ndim", 0) in ranks and values.dtype.kind in "fiu"}
         return {f"{group}/{name}": values for group in ("sensors", "actuators") for name, values in of(group, (3, 4)).items()}, \
-            of("metrics", (1,))
+            {name_of_link(link): values for link, values in of("metrics", (1,)).items()}
     try:
         model.channels, model.metrics = read_apart(recording, data)
     except RecordingError as error:

@@ -24,6 +24,7 @@ TIMED_OUT = 124  # the exit status of timeout(1)
 _GRACE_S = 5.0   # between SIGTERM and SIGKILL
 
 _running: set[subprocess.Popen[bytes]] = set()
+_ending = False  # whether end_all() was called
 
 
 class RunError(RuntimeError):
@@ -38,6 +39,10 @@ class RunError(RuntimeError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class Interrupted(Exception):
+    """end_all() has ended the run, or keeps it from starting."""
 
 
 def program(given: str | os.PathLike[str] | None = None) -> str:
@@ -90,7 +95,8 @@ def _last_line(log: str, status: int) -> str:
 
 
 def _text(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    is_bool = isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b"  # Python's, NumPy's
+    return str(value).lower() if is_bool else str(value)
 
 
 def command(experiment: str | os.PathLike[str], controller: str | None = None, seed: int | None = None,
@@ -113,20 +119,23 @@ def command(experiment: str | os.PathLike[str], controller: str | None = None, s
 def execute(words: list[str], timeout: float | None = None) -> tuple[int, dict[str, Any] | None, str]:
     """Runs the command → exit status, statistics (None if there are none), what it wrote to stdout and then stderr.
 
-    A run longer than timeout (wall-clock seconds) is ended; its status is 124."""
+    A run longer than timeout (wall-clock seconds) is ended; its status is 124. Raises Interrupted after end_all()."""
     with tempfile.TemporaryDirectory(prefix="smartsurf-run-") as folder:
         stats = pathlib.Path(folder, "stats.json")
         with open(pathlib.Path(folder, "out"), "w+b") as out, open(pathlib.Path(folder, "err"), "w+b") as err:
+            _require_not_ending()
             process = subprocess.Popen([*words, "--stats", str(stats)], stdin=subprocess.DEVNULL, stdout=out, stderr=err,
                                        env={**os.environ, "SMARTSURF_PARENT": str(os.getpid())})
             _running.add(process)
             try:
+                _require_not_ending()  # end_all() may have come before it was one of _running
                 status = process.wait(timeout)
             except subprocess.TimeoutExpired:
                 status = TIMED_OUT
             finally:
                 _end(process)
                 _running.discard(process)
+            _require_not_ending()
             texts = []
             for file in (out, err):
                 file.seek(0)
@@ -151,9 +160,16 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def end_all() -> None:
-    """Ends the simulators that other threads of this process wait for."""
+    """Ends the simulators that other threads of this process wait for. None starts after it."""
+    global _ending
+    _ending = True
     for process in list(_running):
         process.terminate()
+
+
+def _require_not_ending() -> None:
+    if _ending:
+        raise Interrupted
 
 
 def run(experiment: str | os.PathLike[str], controller: str | None = None, seed: int | None = None,

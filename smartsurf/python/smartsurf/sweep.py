@@ -19,6 +19,7 @@ import platform
 import random
 import re
 import shlex
+import shutil
 import statistics
 import sys
 import time
@@ -119,12 +120,16 @@ def provenance(version: str, experiment: str, controller: str | None, settings: 
 
 # Execution
 
-def folder_name(text: str) -> str:
-    """A name for a folder: the text where a file system takes it, otherwise its beginning and a hash of the whole."""
-    name = text.replace("/", "_").replace("\0", "_")
-    if len(name.encode()) <= MAX_NAME_BYTES:
+def folder_name(options: Options, seed: int) -> str:
+    """A name for the folder of a point and seed, which no other has: NAME=VALUE,…,seed=N where a file system takes that and it
+    can be read in one way only, otherwise its beginning and a hash."""
+    text = ",".join([f"{k}={v}" for k, v in options] + [f"seed={seed}"])
+    name = re.sub("[/\0]", "_", text)
+    ambiguous = name != text or any("," in k or re.search(",.*=", v, re.DOTALL) for k, v in options)
+    if not ambiguous and len(name.encode()) <= MAX_NAME_BYTES:
         return name
-    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    whole = json.dumps([options, seed]) if ambiguous else text
+    digest = hashlib.sha256(whole.encode()).hexdigest()[:16]
     return name.encode()[:MAX_NAME_BYTES - 17].decode(errors="ignore") + "-" + digest
 
 
@@ -147,14 +152,15 @@ class Point:
 
     def __init__(self, out: pathlib.Path, options: Options, seed: int, digest: str):
         self.options, self.seed, self.digest = options, seed, digest
-        name = ",".join([f"{k}={v}" for k, v in options] + [f"seed={seed}"])
-        self.folder = out / "runs" / folder_name(name)
+        self.folder = out / "runs" / folder_name(options, seed)
 
     def status(self) -> int | None:
         """The exit status; None: not run yet, or with other sources."""
         try:
-            status, digest = (self.folder / "status").read_text().split()
-            return int(status) if digest == self.digest else None
+            status, digest, *options = (self.folder / "status").read_text().rstrip("\n").split(" ", 2)
+            # Without options: of an earlier version, in whose names of folders "_" also stood for "/".
+            same = options == [json.dumps(dict(self.options))] if options else not any("_" in value for _, value in self.options)
+            return int(status) if same and digest == self.digest else None
         except (OSError, ValueError):
             return None
 
@@ -225,8 +231,19 @@ def tasks(points: Sequence[Point], arguments: dict[str, Any], worlds: int = 1, t
             for pack in packs]
 
 
+@contextlib.contextmanager
+def temporary(folder: pathlib.Path) -> Iterator[pathlib.Path]:
+    """The folder, empty, while its context lasts."""
+    shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def execute(task: dict[str, Any]) -> None:
-    """Runs a task and writes each run's OUTPUTS, the last its status.
+    """Runs a task and writes each run's OUTPUTS, the last its status, and beside a recording what its script writes.
 
     A pack is one process. If it fails, its runs are repeated one by one, so that each has its own status and log."""
     folders = [pathlib.Path(folder) for folder in task["folders"]]
@@ -234,29 +251,31 @@ def execute(task: dict[str, Any]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("status", "stats.json"):
             (folder / name).unlink(missing_ok=True)
-    pack: dict[str, Any] = {"worlds": len(folders)} if len(folders) > 1 else {}
-    record: dict[str, Any] = {"record": str(folders[0] / "recording.h5")} if task["record"] else {}
-    words = command(**task["arguments"], seed=task["seed"], **pack, **record)
-    started, start = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), time.monotonic()
-    for attempt in range(1, task["retry"] + 2):
-        status, stats, log = execute_command(words, task["timeout"])
-        if status in (0, 2):  # invalid input stays invalid
-            break
-    if pack and status != 0:
-        for k, folder in enumerate(folders):
-            execute({**task, "seed": task["seed"] + k, "folders": [str(folder)]})
-        return
+        shutil.rmtree(folder / "recording.files", ignore_errors=True)
+    is_pack = len(folders) > 1
+    with temporary(folders[0] / "worlds") if is_pack else contextlib.nullcontext(folders[0]) as made:
+        words = command(**task["arguments"], seed=task["seed"], worlds=len(folders) if is_pack else None,
+                        record=made / "recording.h5" if task["record"] else None)
+        started, start = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), time.monotonic()
+        for attempt in range(1, task["retry"] + 2):
+            status, stats, log = execute_command(words, task["timeout"])
+            if status in (0, 2):  # invalid input stays invalid
+                break
+        if not is_pack or status == 0:
+            for k, folder in enumerate(folders):
+                for file in made.glob(f"recording-{k}.*") if is_pack else ():
+                    file.replace(folder / f"recording{file.suffix}")
+                if stats is not None:
+                    (folder / "stats.json").write_text(json.dumps(stats["runs"][k] if is_pack else stats, indent=2) + "\n")
+                (folder / "log").write_text(log)
+                (folder / "provenance.json").write_text(json.dumps({
+                    "host": platform.node(), "platform": platform.platform(), "started": started,
+                    "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
+                    "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
+                (folder / "status").write_text(f"{status} {task['digest']} {json.dumps(task['arguments']['set'])}\n")
+            return
     for k, folder in enumerate(folders):
-        if pack and record:
-            (folders[0] / f"recording-{k}.h5").replace(folder / "recording.h5")
-        if stats is not None:
-            (folder / "stats.json").write_text(json.dumps(stats["runs"][k] if pack else stats, indent=2) + "\n")
-        (folder / "log").write_text(log)
-        (folder / "provenance.json").write_text(json.dumps({
-            "host": platform.node(), "platform": platform.platform(), "started": started,
-            "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
-            "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
-        (folder / "status").write_text(f"{status} {task['digest']}\n")
+        execute({**task, "seed": task["seed"] + k, "folders": [str(folder)]})
 
 
 # Tables

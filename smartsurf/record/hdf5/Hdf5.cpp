@@ -1,9 +1,12 @@
 #include "smartsurf/record/hdf5/Hdf5.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <iterator>
 #include <new>
+#include <utility>
 
 namespace smartsurf::record {
 namespace {
@@ -11,6 +14,9 @@ namespace {
 // Upper bound of what the library allocates between two calls of require_memory(): metadata, chunks and
 // filters.
 constexpr std::size_t kLibraryBytes = std::size_t{16} << 20;
+
+constexpr std::pair<std::string_view, char> kEscapes[] = {
+    {"%2F", '/'}, {"%00", '\0'}, {"%2E", '.'}, {"%25", '%'}};
 
 // H5E_WALK_UPWARD starts at the innermost error, which is the cause.
 herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* text) {
@@ -152,6 +158,37 @@ void write_dataset(hid_t parent, const char* name, std::span<const hsize_t> size
 Handle create_group(hid_t parent, const char* name) {
   return Handle(H5Gcreate2(parent, name, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
                 std::string("group ") + name);
+}
+
+std::string link_name(std::string_view name) {
+  const auto is_escaped = [&](std::size_t i, const auto& escape) {
+    if (name[i] != escape.second) return false;
+    if (name[i] == '.') return name.size() == 1;
+    return name[i] != '%' || std::ranges::any_of(kEscapes, [&](const auto& other) {
+             return name.substr(i).starts_with(other.first);
+           });
+  };
+  std::string link;
+  for (std::size_t i = 0; i < name.size(); ++i) {
+    const auto escape = std::ranges::find_if(kEscapes, [&](const auto& each) { return is_escaped(i, each); });
+    if (escape == std::end(kEscapes))
+      link += name[i];
+    else
+      link += escape->first;
+  }
+  return link;
+}
+
+std::string name_of_link(std::string_view link) {
+  std::string name;
+  while (!link.empty()) {
+    const auto escape =
+        std::ranges::find_if(kEscapes, [&](const auto& each) { return link.starts_with(each.first); });
+    const bool is_escape = escape != std::end(kEscapes);
+    name += is_escape ? escape->second : link.front();
+    link.remove_prefix(is_escape ? escape->first.size() : 1);
+  }
+  return name;
 }
 
 void write_attribute(hid_t object, const char* name, const std::string& text) {

@@ -87,6 +87,10 @@ Handle create_dataset(hid_t parent, const char* name, hid_t type, hid_t space, h
 void write_dataset(hid_t parent, const char* name, std::span<const hsize_t> size, hid_t type,
                    const void* values);
 Handle create_group(hid_t parent, const char* name);
+// The name in a group for any name but an empty one, and back: what HDF5 does not take as part of a name is
+// %2F (/), %00, %2E (of the name "."), and % before such digits %25.
+std::string link_name(std::string_view name);
+std::string name_of_link(std::string_view link);
 
 void write_attribute(hid_t object, const char* name, const std::string& text);
 void write_attribute(hid_t object, const char* name, hid_t type, const void* values, hsize_t count = 1);

@@ -143,7 +143,7 @@ struct Hdf5Recorder::OpenFile {
   std::vector<LiveSeries> live;
   std::vector<LiveChannel> live_channels;
   Handle metrics_group;
-  std::vector<std::optional<FrameSeries>> metric_series;  // empty: its name cannot be that of a dataset
+  std::vector<FrameSeries> metric_series;
   std::optional<DeltaWriter> inputs, heights, motion, skin;
   std::vector<float> flat_motion;
   bool interaction_marked = false;
@@ -290,14 +290,13 @@ void Hdf5Recorder::OpenFile::buffer_channels(std::span<const scene::ChannelData>
 // Back-fills the earlier frames of a new metric with NaN.
 void Hdf5Recorder::OpenFile::buffer_metrics(std::span<const NamedNumber> metrics) {
   for (std::size_t i = metric_series.size(); i < metrics.size(); ++i) {
-    auto& series = metric_series.emplace_back();
-    if (!is_valid_channel_name(metrics[i].first)) continue;
     require_memory(0);
     if (metrics_group < 0) metrics_group = create_group(file, paths::kMetrics);
-    series = make_number_series(metrics_group, metrics[i].first, std::numeric_limits<double>::quiet_NaN());
+    metric_series.push_back(make_number_series(metrics_group, link_name(metrics[i].first),
+                                               std::numeric_limits<double>::quiet_NaN()));
   }
   for (std::size_t i = 0; i < metrics.size(); ++i)
-    if (metric_series[i]) metric_series[i]->row<double>(buffered_frames)[0] = metrics[i].second;
+    metric_series[i].row<double>(buffered_frames)[0] = metrics[i].second;
 }
 
 // The frames before the program's first answer are NaN.
@@ -350,8 +349,7 @@ void Hdf5Recorder::OpenFile::for_each_series(Action action) {
     if (*series) action(**series);
   for (FrameSeries& series : register_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);
-  for (auto& series : metric_series)
-    if (series) action(*series);
+  for (FrameSeries& series : metric_series) action(series);
   for (LiveSeries& series : live) action(*series.series);
   for (auto* series : {&contacts, &hash, &time}) action(**series);
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/csv/Csv.h"
 #include "common/files/AtomicFile.h"
 #include "smartsurf/record/plot/Plot.h"
 
@@ -66,10 +67,13 @@ std::string table(const Comparison& comparison, const EngineTrace& first, const 
   std::string text =
       fmt::format("id,name,size_u,parts_s,greatest_distance_u,final_distance_u,load_{},load_{}\n",
                   first.engine, second.engine);
-  for (const Verdict& v : comparison.verdicts)
-    text += fmt::format("{},\"{}\",{:.6g},{},{:.6g},{:.6g},{:.6g},{:.6g}\n", v.id, v.name, v.size,
+  for (const Verdict& v : comparison.verdicts) {
+    text += fmt::format("{},", v.id);
+    common::append_csv_field(text, v.name);
+    text += fmt::format(",{:.6g},{},{:.6g},{:.6g},{:.6g},{:.6g}\n", v.size,
                         v.parts_s ? fmt::format("{:.6g}", *v.parts_s) : "", v.greatest_distance,
                         v.final_distance, v.load[0], v.load[1]);
+  }
   return text;
 }
 

@@ -16,10 +16,12 @@ namespace {
 
 constexpr std::size_t kMaxOptions = 1000;
 
-bool is_option_name(const std::string& name) {
-  return !name.empty() && name.size() <= 60 && std::isalpha(static_cast<unsigned char>(name[0])) &&
-         std::all_of(name.begin(), name.end(),
-                     [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_' || c == '-'); });
+constexpr const char* kNameRule = "1 to 60 letters, digits, _ and -";
+
+bool is_name(const std::string& name) {
+  return !name.empty() && name.size() <= 60 && std::all_of(name.begin(), name.end(), [](unsigned char c) {
+    return c < 0x80 && (std::isalnum(c) || c == '_' || c == '-');
+  });
 }
 
 // The value that --set assigns to `name`; null if none.
@@ -141,8 +143,8 @@ int option(ScriptContext& context, lua_State* L) {
   require_loading(context, "option");
   lua_settop(L, 4);
   const std::string name = check_string(L, 1, "option: name");
-  if (!is_option_name(name))
-    throw_invalid_value(L, 1, "option: name", "letters, digits, _ and -, a letter first");
+  if (!is_name(name) || !std::isalpha(static_cast<unsigned char>(name[0])))
+    throw_invalid_value(L, 1, "option: name", std::string(kNameRule) + ", a letter first");
   std::string help = lua_isnil(L, 3) ? "" : check_string(L, 3, "option '" + name + "': help");
   declare_once(context, L, "option '" + name + "'");
   if (context.spec.options.size() >= kMaxOptions) throw ScriptError("option: more than 1000 options");
@@ -223,14 +225,14 @@ int random_stream(ScriptContext& context, lua_State* L) {
     throw ScriptError(
         "random_stream: takes random_stream(name, low, high), or random_stream(name) for [0, 1)");
   const std::string name = check_string(L, 1, "random_stream: name");
-  if (!is_option_name(name))
-    throw_invalid_value(L, 1, "random_stream: name", "letters, digits, _ and -, a letter first");
+  if (!is_name(name)) throw_invalid_value(L, 1, "random_stream: name", kNameRule);
   const Bounds b = check_bounds(L, 2, "random_stream");
   lua_pushnumber(L, context.random_stream(L, name).uniform(b.low, b.high));
   return 1;
 }
 
-// Replaces Lua's math.random with the experiment's random numbers; same signatures: (), (n), (low, high).
+// Replaces Lua's math.random with the experiment's random numbers; same signatures: (), (n), (0) for an
+// integer of any bits, (low, high).
 int math_random(ScriptContext& context, lua_State* L) {
   const int count = lua_gettop(L);
   if (count == 0) {
@@ -238,8 +240,9 @@ int math_random(ScriptContext& context, lua_State* L) {
     return 1;
   }
   if (count > 2) throw ScriptError("math.random: takes at most 2 numbers");
-  const std::int64_t low = count == 1 ? 1 : check_integer(L, 1, "math.random: low", INT64_MIN, INT64_MAX);
-  const std::int64_t high = check_integer(L, count, "math.random: high", INT64_MIN, INT64_MAX);
+  std::int64_t low = count == 1 ? 1 : check_integer(L, 1, "math.random: low", INT64_MIN, INT64_MAX);
+  std::int64_t high = check_integer(L, count, "math.random: high", INT64_MIN, INT64_MAX);
+  if (count == 1 && high == 0) low = INT64_MIN, high = INT64_MAX;
   if (low > high)
     throw ScriptError("math.random: low = " + std::to_string(low) +
                       " is above high = " + std::to_string(high));

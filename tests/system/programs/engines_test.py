@@ -1,4 +1,6 @@
 """The second engine: runs, recordings, and smartsurf compare."""
+import csv
+
 import h5py
 
 from programs import *
@@ -83,15 +85,17 @@ class Engines(ProgramTest):
 
     def test_compare_prints_verdicts_and_writes_figures(self):
         self.require_bullet()
+        self.write("scene.lua", SCENE.replace("'ball'", "'3\" ball, red'"))
         status, out, err = self.run_program(SMARTSURF, "compare", "scene.lua", "--engines", "native,bullet", "--until",
                                             "1", "--out", "results")
         self.assertEqual(status, 0, err)
         self.assertIn("2 of 2 objects stay within 0.1 u for 1.000 s", out)
-        self.assertRegex(out, r"object 0 \(ball, 1.2 u\): within 0.1 u to the end, .*; contact load 8\.\d+ and 8\.\d+")
+        self.assertRegex(out, r'object 0 \(3" ball, red, 1.2 u\): within 0.1 u to the end, .*; contact load 8\.\d+ and 8\.\d+')
         self.assertIn("metric x: 1 and 1\n", out)
         for figure in ("distances", "loads", "heights"):
             self.assertIn("</svg>", (self.folder / f"results/{figure}.svg").read_text())
-        self.assertEqual(len((self.folder / "results/objects.csv").read_text().splitlines()), 3)
+        with open(self.folder / "results/objects.csv", newline="") as file:
+            self.assertEqual([(row["id"], row["name"]) for row in csv.DictReader(file)], [("0", '3" ball, red'), ("1", "box")])
         for engine in ("native", "bullet"):
             self.assertTrue((self.folder / f"results/{engine}.h5").exists())
 

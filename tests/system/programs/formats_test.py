@@ -34,7 +34,7 @@ def scene(seed):
         record {{ sensors = true, actuators = true }}
         """) + objects + textwrap.dedent("""
         sphere { radius = .4, position = {1, 1, 6}, velocity = {-30, 0, 8} }
-        metric('height', function() local x, y, z = object(0):position() return z end)
+        metric('height/u', function() local x, y, z = object(0):position() return z end)
         local heights = {}
         on_tick(function(t)
           for cell = 1, cells.rows * cells.columns do heights[cell] = 1 + math.sin(3 * t + .7 * cell) end
@@ -79,7 +79,7 @@ class Formats(FormatTest):
                 names = [f"{label or b'object'!s}" for label in file["objects/label"][:]]
                 channels = {f"{group}/{name}": file[group][name][:].reshape(len(time), -1).sum(1)
                             for group in ("sensors", "actuators") for name in file[group]}
-                metric = file["metrics/height"][:]
+                metric = file["metrics/height%2Fu"][:]
             self.assertEqual(len(found["objects"]), position.shape[1], names)
             for name, rows in found["objects"].items():
                 rows, id = np.array(rows, float), int(name.rsplit("_", 1)[1])
@@ -106,7 +106,7 @@ class Formats(FormatTest):
             errors = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators()).Validate(stage)
             assert not errors, [e.GetMessage() for e in errors]
             codes, second = range(int(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1, 5), stage.GetTimeCodesPerSecond()
-            metric = stage.GetPrimAtPath('/table').GetAttribute('metrics:height')
+            metric = stage.GetPrimAtPath('/table').GetAttribute('metrics:height_u')
             objects = {}
             for prim in stage.GetPrimAtPath('/table/objects').GetChildren():
                 move, rows = UsdGeom.Xformable(prim), []
@@ -167,7 +167,7 @@ class Formats(FormatTest):
                         data = bytes(content.data)
                         assert len(data) == content.height * content.step and content.encoding == '32FC1', content.encoding
                         channels.setdefault(channel.topic[1:], []).append([t, sum(struct.unpack(f'<{len(data) // 4}f', data))])
-                    elif channel.topic == '/metrics/height':
+                    elif channel.topic == '/metrics/height/u':
                         metric.append([t, content.data])
             print(json.dumps({'objects': objects, 'channels': channels, 'metric': metric}))
             """)

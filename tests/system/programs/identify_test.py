@@ -371,6 +371,59 @@ class Identification(ProgramTest):
         self.refused("table.lua has no option 'lead' (it has load)", f"{recording},lead=1", "--experiment", "table.lua", "-o", "identified.lua")
         self.refused("1 after the comma must be NAME=VALUE", f"{recording},1", "--experiment", "table.lua", "-o", "identified.lua")
 
+    def test_what_keeps_the_result_from_being_loaded_is_known_before_the_fit(self):
+        (self.folder / "out").mkdir()
+        recording = self.record("table", public())
+        for part, output, expected in (("option('uncertainty', 1, 'of ours')\n", "identified.lua", "option 'uncertainty'"),
+                                       ("require 'part'\n", "out/identified.lua", "the files of table.lua must be beside out/identified.lua")):
+            self.write("part.lua", "")
+            self.write("table.lua", part + public())
+            self.refused(expected, recording, "--experiment", "table.lua", "-o", output)
+        self.assertEqual(list(self.folder.glob("out/*")), [])
+
+    def test_what_is_not_identified_again_stays(self):
+        import numpy as np
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf import _identified
+        from smartsurf._cells import GOOD, IDLE, STUCK, UNSURE
+        draw = random.Random(8)
+        script = self.write("table.lua", "local p = option('p', 1, '')\n" + public())
+        recording = types.SimpleNamespace(path="a\nb.h5")
+        for _ in range(20):
+            names = [f"object.{draw.choice(['ball', 'Bob' + chr(39) + 's', 'x' + chr(92), 'ä' + chr(10)])}.{p}" for p in ("mass", "friction", "x")]
+            found, path, then = {}, pathlib.Path(script), ({}, [])
+            delays, of_sensor = np.zeros((4, 4), int), {}
+            for step in (1, 2):
+                original = _identified.read_original(path)
+                self.assertEqual((original.name, original.text, original.values, original.rows), ("table.lua", pathlib.Path(script).read_text(), *then))
+                new = {name: (float(draw.randint(1, 9)), 0.5) for name in draw.sample(names, 2)}
+                state = np.array(draw.choices([GOOD, IDLE, STUCK, UNSURE], k=16)).reshape(4, 4)
+                state[1, 2] = GOOD
+                delay = np.array(draw.choices(range(4), k=16)).reshape(4, 4)
+                fit = types.SimpleNamespace(state=state, channel="height", gain=np.full((4, 4), float(step)), offset=np.zeros((4, 4)), delay=delay,
+                                            level=np.full((4, 4), 2.0))
+                latency = int(delay[state == GOOD].min())
+                dead = [(r, c, "pin_height", "dead", None) for r, c in [(draw.randrange(4), draw.randrange(4))]]
+                rows = _identified.with_earlier_cells(_identified.cell_faults(fit, latency) + dead, original.rows, fit, {"pin_height"},
+                                                      int(original.values.get("actuator.latency", (latency, 0))[0]) - latency)
+                new["actuator.latency"] = (float(latency), 0.0)
+                found = {**found, **new}
+                path = self.folder / f"it's {step}.lua"
+                path.write_text(_identified.experiment_text(original, [recording], {"p": "a\nb"}, new, f"it's {step}.csv"))
+                path.with_suffix(".csv").write_text(_identified.map_text(rows))
+                # Each cell is as it was last identified, and never earlier than the others.
+                kind = np.where((state == GOOD) | (state == STUCK), state, kind if step > 1 else IDLE)
+                delays = np.where(state == GOOD, delay, np.where(kind == GOOD, np.maximum(delays, latency), 0))
+                for r, c in np.ndindex(4, 4):
+                    of_cell = {row[3]: row[4] for row in rows if row[:3] == (r, c, "height")}
+                    expected = {GOOD: {"gain", "offset"} | ({"late"} if delays[r, c] > latency else set()), STUCK: {"stuck"}}.get(kind[r, c], set())
+                    self.assertEqual(set(of_cell), expected)
+                    self.assertEqual(of_cell.get("late", 0), delays[r, c] - latency if kind[r, c] == GOOD else 0)
+                self.assertEqual([row for row in rows if row[2] == "pin_height"], dead)
+                then = (found, rows)
+        status, _, err = self.run_program(SMARTSURF, "run", str(path), "--no-controller", "--headless", "--ticks", "2")
+        self.assertEqual(status, 0, err)
+
     def test_the_result_is_of_the_options_of_the_recording(self):
         table = public().replace("range = {0, 5}", "range = {option('low', 0, 'lowest height'), 5}").replace("{rows}", "4")
         table = table.replace("heights[cell] or 0", "heights[cell] or -2").replace("random(0.5, 4.5)", "random(-2.5, 4.5)")
@@ -381,8 +434,18 @@ class Identification(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertRegex((self.folder / "identified.csv").read_text(), r"\n1,2,height,stuck,-2\.(49|5)")
         self.assertIn("-- There with --set low=-3\n", (self.folder / "identified.lua").read_text())
-        (self.folder / "identified.lua").unlink()
+        (self.folder / "identified.lua").rename(self.folder / "first.lua")
         self.refused("is of another table", f"{recording},low=0", "--experiment", "public.lua", "-o", "identified.lua")
+        # What was identified is identified again: of the same recording the same.
+        (self.folder / "identified.csv").rename(self.folder / "first.csv")
+        first = (self.folder / "first.lua").read_text().replace("identified.csv", "first.csv")
+        (self.folder / "first.lua").write_text(first)
+        status, _, err = self.identify(recording, "--experiment", "first.lua", "-o", "Anna's.lua")
+        self.assertEqual(status, 0, err)
+        lines = (self.folder / "Anna's.lua").read_text().splitlines()
+        self.assertEqual(lines[2:4], ["-- Then with what it has found in table.h5.", "-- There with --set low=-3"])
+        self.assertEqual([line.replace("Anna\\'s", "first") for line in lines[:2] + lines[4:]], first.splitlines())
+        self.assertEqual((self.folder / "Anna's.csv").read_text(), (self.folder / "first.csv").read_text())
 
     def of_own_table(self, name, *words):
         """Identifies a recording of scripts/hardware/identify.lua; its cells are as declared."""

@@ -1,5 +1,6 @@
 """scripts/sweep: each point runs once, results form tables, interrupted sweeps resume; smartsurf.run; cluster engines."""
 import concurrent.futures
+import contextlib
 import csv
 import fcntl
 import functools
@@ -18,7 +19,7 @@ from programs import *
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
 from smartsurf.run import RunError, plot, run  # noqa: E402
 from smartsurf.success import success_curve, time_of_share  # noqa: E402
-from smartsurf.sweep import quantile, samples, wilson  # noqa: E402
+from smartsurf.sweep import folder_name, quantile, samples, wilson  # noqa: E402
 
 SWEEP = str(ROOT / "scripts/sweep")
 
@@ -53,6 +54,16 @@ class RunFunction(ProgramTest):
         self.assertNotEqual(first["metrics"]["chance"], other["metrics"]["chance"])
         packed = self.run(seed=3, worlds=2)["runs"]
         self.assertEqual([r["metrics"]["chance"] for r in packed], [r["metrics"]["chance"] for r in (first, other)])
+
+    def test_values_of_options_are_as_scripts_have_them(self):
+        self.write("table.lua", TABLE + "if option('flag', false, '') then metric('flag', 1) end\n")
+        values = [True, False]
+        with contextlib.suppress(ImportError):
+            import numpy as np
+            values += [np.True_, np.False_]
+        for value in values:
+            stats = self.run(set={"flag": value, "weight": 2.0})
+            self.assertEqual((stats["metrics"].get("flag"), stats["metrics"]["product"]), (1 if value else None, 20))
 
     def test_runs_in_other_processes(self):
         with concurrent.futures.ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
@@ -147,6 +158,17 @@ class SweepStatistics(unittest.TestCase):
         self.assertTrue(all(60 < count < 140 for count in counts), counts)
 
 
+    def test_folders_of_points_differ(self):
+        # Few letters, so that different points often read alike.
+        source, points = random.Random(3), {}
+        for _ in range(20000):
+            options = tuple((source.choice(("a", "b", "a,b")), "".join(source.choices("/_,=ab-", k=source.randint(1, 5))))
+                            for _ in range(source.randint(0, 3)))
+            point = options, source.randint(1, 2)
+            self.assertEqual(points.setdefault(folder_name(*point), point), point)
+        self.assertEqual(folder_name((("goal", "1,2"), ("file", "a=b")), 3), "goal=1,2,file=a=b,seed=3")
+
+
 class Sweep(ProgramTest):
     def sweep(self, *arguments):
         return self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out",
@@ -228,6 +250,18 @@ class Sweep(ProgramTest):
             # A point for each run in the light colour, and one of the legend, of which none lies outside the axes.
             self.assertEqual(picture.count("rgb(49.80"), 3, values)
 
+    def test_a_sweep_whose_output_nobody_reads_does_its_work(self):
+        more = "import sys; sys.path.insert(0, sys.argv[1]); from smartsurf._printable import guard_output; guard_output(); " \
+            "print('a line\\n' * 100_000, 'another'); sys.exit(3)"
+        for status, words in ((0, (SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out")),
+                              (3, (sys.executable, "-c", more, str(ROOT / "smartsurf/python")))):
+            reader, writer = os.pipe()
+            os.close(reader)
+            done = subprocess.run(words, cwd=self.folder, stdout=writer, stderr=subprocess.PIPE, text=True)
+            os.close(writer)
+            self.assertEqual((done.returncode, done.stderr), (status, ""))
+        self.assertEqual(len(self.results()), 1)
+
     def test_reruns_only_unfinished_and_failed_points(self):
         self.assertEqual(self.sweep("--set", "weight=1", "--seeds", "1-3")[0], 0)
         runs = self.folder / "out/runs"
@@ -239,6 +273,28 @@ class Sweep(ProgramTest):
         self.assertIn("3 runs, 1 done before", out)
         self.assertEqual(untouched, (runs / "weight=1,seed=3/stats.json").stat().st_mtime_ns)
         self.assertEqual([r["exit_status"] for r in self.results()], ["0", "0", "0"])
+
+    def test_a_folder_of_another_point_is_not_taken_as_done(self):
+        self.write("table.lua", TABLE + "local part = option('part', 'a', 'a text') on_finish(function() metric('length', #part) end)\n")
+
+        def sweep(parts):
+            status, out, err = self.sweep("--set", f"part={parts}", "--jobs", "1")
+            self.assertEqual(status, 0, err)
+            return out.split(" done")[0], [(row["part"], float(row["length"])) for row in self.results()]
+        both = [("parts/aä", 9), ("parts_aä", 9)]
+        self.assertEqual(sweep("parts/aä,parts_aä"), ("2 runs, 0", both))
+        self.assertEqual(sweep("parts/aä,parts_aä"), ("2 runs, 2", both))
+        folder = self.folder / "out/runs/part=parts_aä,seed=1"
+        status = folder / "status"
+        done, digest, _ = status.read_text().split(" ", 2)
+        # Of other options, and of an earlier version, whose folder may be that of parts/aä.
+        for text, before in ((f'{done} {digest} {{"part": "parts/aä"}}', 1), (f"{done} {digest}", 1)):
+            status.write_text(text)
+            self.assertEqual(sweep("parts/aä,parts_aä"), (f"2 runs, {before}", both))
+        # One of an earlier version whose name is that of no other point is kept.
+        self.assertEqual(sweep("whole"), ("1 runs, 0", [("whole", 5)]))
+        (self.folder / "out/runs/part=whole,seed=1/status").write_text(f"{done} {digest}\n")
+        self.assertEqual(sweep("whole"), ("1 runs, 1", [("whole", 5)]))
 
     def test_reruns_points_after_changes(self):
         self.write("shared.lua", "return 10")
@@ -373,6 +429,25 @@ class Sweep(ProgramTest):
         with open(self.folder / "single/results.csv", newline="") as file:
             self.assertEqual([(r["seed"], r["chance"], r["state_hash"]) for r in csv.DictReader(file)], packed)
 
+    def test_packed_worlds_write_into_the_folders_of_their_runs(self):
+        files = "on_finish(function() local f = io.open('chance.txt', 'w') f:write(seed_digit) f:close() end)\n"
+        self.write("table.lua", TABLE + files)
+        for words in (("--worlds", "3"), ("--worlds", "1")):
+            self.assertEqual(self.sweep("--seeds", "1-3", "--record", "-o", words[1], *words)[0], 0)
+        names, single = ({file.relative_to(out): file for file in out.rglob("*") if file.is_file()}
+                         for out in (self.folder / "3/runs", self.folder / "1/runs"))
+        self.assertEqual(names.keys(), single.keys())
+        written = [name for name in names if name.name == "chance.txt"]
+        self.assertEqual(len({names[name].read_text() for name in written}), 3)
+        self.assertEqual([names[name].read_text() for name in written], [single[name].read_text() for name in written])
+        # Of a world that fails nothing is left but what single runs leave.
+        self.write("table.lua", TABLE + files + "at(0.05, function() if seed_digit < 0.5 then error('bad luck') end end)\n")
+        self.assertEqual(self.sweep("--seeds", "2-6", "--worlds", "5", "--record")[0], 1)
+        self.assertEqual({path.name for path in self.folder.glob("out/runs/*/*")},
+                         {"log", "provenance.json", "recording.files", "recording.h5", "stats.json", "status"})
+        self.assertEqual(len({file.read_text() for file in self.folder.glob("out/runs/*/recording.files/*")}),
+                         [row["exit_status"] for row in self.results()].count("0"))
+
     def test_failing_world_of_a_pack_is_reported_alone(self):
         self.write("table.lua", TABLE.replace("on_finish", "if seed_digit < 0.5 then error('bad luck') end\non_finish"))
         status, _, err = self.sweep("--seeds", "2-6", "--worlds", "5")
@@ -403,6 +478,26 @@ exec {APRON} run {idle} --shm "$2"
         self.assertEqual(self.sweep("--controller", f"sh {flaky} 9 {{shm}}", "--retry", "1")[0], 1)
         self.assertEqual((self.folder / "tries").read_text(), "run\n" * 2)
 
+    def test_an_interrupted_sweep_starts_nothing_and_resumes(self):
+        # A simulator that never ends by itself.
+        stuck = self.write("stuck", """#!/bin/sh
+            [ "$1" = run ] || exec true
+            echo run >>starts
+            exec sleep 1000
+            """)
+        os.chmod(stuck, 0o755)
+        for number, flags in ((signal.SIGINT, ("--worlds", "4")), (signal.SIGTERM, ("--jobs", "1", "--retry", "2"))):
+            starts = self.folder / "starts"
+            sweep = self.start(SWEEP, self.experiment, "--smartsurf", stuck, "--until", "0.1", "-o", "out", "--seeds", "1-4", *flags)
+            self.wait_for(starts.exists, "the first run")
+            sweep.send_signal(number)
+            self.assertEqual(self.finish(sweep), (128 + number, "4 runs, 0 done before\n", ""))
+            self.assertEqual(starts.read_text(), "run\n")
+            starts.unlink()
+            self.assertEqual(list(self.folder.glob("out/runs/*/status")), [])
+        status, out, err = self.sweep("--seeds", "1-4", "--worlds", "4")
+        self.assertEqual((status, [row["exit_status"] for row in self.results()]), (0, ["0"] * 4), err)
+
     def test_samples_are_drawn_once_per_seed_of_the_search(self):
         words = ("--set", "weight=2:4.0", "--samples", "4", "--seeds", "1-2")
         self.assertEqual(self.sweep(*words)[0], 0)
@@ -411,6 +506,19 @@ exec {APRON} run {idle} --shm "$2"
         self.assertEqual(sorted(int((w - 2) * 2) for w in weights), [0, 0, 1, 1, 2, 2, 3, 3])
         self.assertIn("8 runs, 8 done before", self.sweep(*words)[1])
         self.assertIn("8 runs, 0 done before", self.sweep(*words, "--search", "random")[1])
+
+    def test_a_range_of_a_nuisance_is_drawn_in_each_run(self):
+        self.write("table.lua", TABLE + "sphere { radius = 0.4, position = {1, 1, 3} }\n")
+        for value in ("0.5:1.5", "0.5:1.5:absolute", "0.5:1.5:factor"):
+            status, out, err = self.sweep("--samples", "5", "--search", "random", "--vary", f"friction={value}", "--set", "weight=1,2", "--seeds", "1-2")
+            self.assertEqual(status, 0, err)
+            self.assertIn("2 of the 5 samples differ: each runs once\n4 runs, ", out)
+            rows = self.results()
+            self.assertEqual([(row["weight"], row["vary.friction"]) for row in rows], [(weight, value) for weight in "12" for _ in range(2)])
+            self.assertEqual(len({row["varied.friction"] for row in rows}), 2)
+        status, _, err = self.sweep("--samples", "3", "--vary", "friction=0.5:1.5")
+        self.assertEqual((status, err.count("\n")), (2, 1), err)
+        self.assertIn("--samples 3: needs the options to sample", err)
 
     def test_without_scipy_a_latin_hypercube_is_one_clear_line(self):
         self.write("sitecustomize.py", "import sys\nsys.modules['scipy'] = None\n")

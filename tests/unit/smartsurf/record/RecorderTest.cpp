@@ -17,6 +17,7 @@
 #include <iterator>
 #include <numeric>
 #include <random>
+#include <set>
 
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -304,7 +305,6 @@ TEST(Recorder, KeepsMetricsFromTheirFirstValueOn) {
   std::vector<NamedNumber> metrics;
   for (std::uint64_t t = 0; t < 150; ++t) {
     if (t == 10) metrics.emplace_back("lift", 0.0);
-    if (t == 70) metrics.emplace_back("a/b", 0.0);  // no name of a dataset
     if (t == 100) metrics.emplace_back("score", -1.0);
     if (t >= 10) metrics[0].second = 0.5 * static_cast<double>(t);
     recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects, {}, {}, metrics);
@@ -322,6 +322,31 @@ TEST(Recorder, KeepsMetricsFromTheirFirstValueOn) {
   EXPECT_TRUE(std::isnan(score[99]));
   EXPECT_EQ(score[100], -1.0);
   EXPECT_THROW(recording.read_metric("none"), InputError);
+}
+
+TEST(Recorder, KeepsMetricsOfAnyName) {
+  // Few characters, so that names differ by what one of them is escaped with.
+  const std::vector<std::string> parts = {"/", "%", "2F", "25", "2E", ".", "a", std::string(1, '\0')};
+  std::mt19937 random(4);
+  std::set<std::string> names = {".", "/", "..", "a", "a/b", "/a", "a/", "a//b", "./a", "speed u/s", "50 %"};
+  while (names.size() < 60) {
+    std::string name;
+    for (int i = std::uniform_int_distribution(1, 4)(random); i > 0; --i)
+      name += parts[random() % parts.size()];
+    names.insert(name);
+  }
+  std::vector<NamedNumber> metrics;
+  for (const std::string& name : names) metrics.emplace_back(name, static_cast<double>(metrics.size()));
+  const OutputFolder out;
+  const SyntheticRun run;
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
+  recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, {}, {}, metrics);
+  recorder->close({});
+  const Recording recording = Recording::open(out / "run.h5");
+  const std::vector<std::string> found = recording.metric_names();
+  EXPECT_EQ(std::set<std::string>(found.begin(), found.end()), names);
+  for (const auto& [name, value] : metrics)
+    EXPECT_EQ(recording.read_metric(name), std::vector<double>{value});
 }
 
 TEST(Recorder, OmitsUnrequestedData) {

@@ -82,6 +82,26 @@ TEST_F(ScriptRandomTest, NamedStreamsAreIndependentOfEachOther) {
             "world{} before that");
 }
 
+TEST_F(ScriptRandomTest, NamesOfStreamsBeginWithAnyCharacter) {
+  for (const std::string& name :
+       {std::string("1a"), std::string("-"), std::string("_"), std::string(60, 'a')})
+    EXPECT_NE(draws("print(random_stream('" + name + "'))"), draws("print(random_stream('x'))"));
+  for (const std::string& name : {std::string(), std::string("a b"), std::string("ä"), std::string(61, 'a')})
+    EXPECT_TRUE(
+        error_of("random_stream('" + name + "')").ends_with("': must be 1 to 60 letters, digits, _ and -"))
+        << name;
+}
+
+TEST_F(ScriptRandomTest, IntegerOfAnyBits) {
+  Random stream(5);
+  const auto first = static_cast<std::int64_t>(stream.next()),
+             second = static_cast<std::int64_t>(stream.next());
+  EXPECT_EQ(draws("world{seed = 5} print(math.random(0), math.random(0))"),
+            std::to_string(first) + "\t" + std::to_string(second) + "\n");
+  EXPECT_EQ(error_of("math.random(-1)"), "t.lua:1: math.random: low = 1 is above high = -1");
+  EXPECT_EQ(error_of("math.random(1, 0)"), "t.lua:1: math.random: low = 1 is above high = 0");
+}
+
 TEST_F(ScriptRandomTest, DefaultSeedIsOne) {
   EXPECT_EQ(draws("print(random())"), draws("world{seed = 1} print(random())"));
 }

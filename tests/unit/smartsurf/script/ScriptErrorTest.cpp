@@ -160,7 +160,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "t.lua:1: option 'n': default = a table: must be a number, a string, true or false"},
         Mistake{"option('n', 0/0)", "t.lua:1: option 'n' = nan: must be finite"},
         Mistake{"option('a b', 1)",
-                "t.lua:1: option: name = 'a b': must be letters, digits, _ and -, a letter first"},
+                "t.lua:1: option: name = 'a b': must be 1 to 60 letters, digits, _ and -, a letter first"},
         Mistake{"option('n', 1)\noption('n', 1)", "t.lua:2: option 'n': already declared at t.lua:1"},
         Mistake{"at(-1, print)", "t.lua:1: at: seconds = -1: must be from 0 to 1e9"},
         Mistake{"at(1)", "t.lua:1: at: function = nil: must be a function"},

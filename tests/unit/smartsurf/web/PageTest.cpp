@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/view/model/ActuatorGeometry.h"
@@ -102,6 +103,40 @@ TEST(Page, LimitsFramesPerSecond) {
   EXPECT_EQ(times(30.0), 61);
   EXPECT_EQ(times(10.0), 21);
   EXPECT_EQ(times(1000.0), 121);
+}
+
+// A channel with components is shown as that many channels with one.
+TEST(Page, ShowsEachComponentOfAChannel) {
+  const OutputFolder out;
+  SyntheticRun run;
+  const int rows = run.spec.surface.rows, columns = run.spec.surface.columns, components = 3;
+  const std::size_t cells = run.spec.surface.cell_count();
+  std::mt19937 random(3);
+  std::vector<float> values(components * cells * 5);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] =
+        std::uniform_real_distribution(0.0F, 1.0F + static_cast<float>(i / cells % components))(random);
+  std::string pages[2];
+  for (const bool apart : {false, true}) {
+    const std::filesystem::path path = out / (apart ? "apart/run.h5" : "together/run.h5");
+    std::filesystem::create_directory(path.parent_path());
+    const auto recorder = record::open_recorder(path, run.meta, run.spec);
+    for (std::uint64_t t = 0; t < 5; ++t) {
+      const std::span<const float> frame =
+          std::span(values).subspan(t * components * cells, components * cells);
+      std::vector<scene::ChannelData> channels = {{"colour", rows, columns, components, frame}};
+      if (apart)
+        channels = {{"colour[0]", rows, columns, 1, frame.first(cells)},
+                    {"colour[1]", rows, columns, 1, frame.subspan(cells, cells)},
+                    {"colour[2]", rows, columns, 1, frame.last(cells)}};
+      recorder->record_frame(run.snapshot_at(t, {0, 1}), run.spec.objects, channels, {});
+    }
+    recorder->close({"done", 0, 0.0, 0});
+    write_page(record::Recording::open(path), out / "run.html", {1000.0});
+    pages[apart] = read_text(out / "run.html");
+  }
+  EXPECT_NE(pages[0].find("\"name\":\"sensors/colour[2]\""), std::string::npos);
+  EXPECT_TRUE(pages[0] == pages[1]);
 }
 
 TEST(Page, RejectsEmptyRecordingAndUnwritablePath) {
