@@ -113,22 +113,18 @@ double changed(const Variation& v, double declared, double by) {
 
 void set_parameters(SceneSpec& s, const Variation& v, double by) {
   const std::vector<SceneParameter> parameters = parameters_of(s, v);
-  const auto is_undeclared = [](double number) { return std::isnan(number); };
-  std::size_t undeclared = 0;  // an error of all sensors, where some have one of their own
+  bool is_declared = false;
   for (const SceneParameter& parameter : parameters) {
     std::vector<double> numbers(parameter.size());
     parameter.get(s, numbers);
-    if (v.mode != Mode::kAbsolute && std::ranges::any_of(numbers, is_undeclared)) {
-      if (++undeclared == parameters.size() || !std::ranges::all_of(numbers, is_undeclared))
-        refuse(v, "the script declares no value for a 'factor' or an 'offset' to change");
-      continue;
-    }
     for (double& number : numbers) {
       number = changed(v, number, by);
       if (parameter.is_whole()) number = std::round(number);
+      is_declared |= !std::isnan(number);
     }
     parameter.set(s, numbers);
   }
+  if (!is_declared) refuse(v, "the script declares no value for a 'factor' or an 'offset' to change");
   for (const SceneParameter& parameter : parameters) with_subject(v, [&] { parameter.check(s); });
 }
 

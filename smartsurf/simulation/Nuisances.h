@@ -5,8 +5,10 @@
 //   mass, size                                 of all objects but fixed ones, also of those that come later
 //   pin_speed                                  max_speed of all actuators that have one
 //   latency, stuck, dead, weak, weak_gain      faults.actuator.…
-//   sensor_noise, sensor_dead, …               faults.sensor.…, and those of sensors with a value of their
-//   own any name of SceneParameter.h               one number for all its objects; not a fault of cells
+//   sensor_noise, sensor_dead, …               faults.sensor.…, and those of sensors with one of their own
+//   any name of SceneParameter.h               one number for all its objects; not a fault of cells
+//
+// Objects that come later have them, too, but for those of a parameter.
 #pragma once
 
 #include <memory>
