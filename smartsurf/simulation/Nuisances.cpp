@@ -194,15 +194,26 @@ Nuisances::Nuisances(SceneSpec& s, std::vector<Variation> variations) : drawn_(s
     }
     set_material(s, v, material->member, by);
     if (v.name != "friction") continue;
-    for (scene::ObjectSpec& object : s.objects)
-      if (object.friction) object.friction = changed(v, *object.friction, by);
+    friction_ = v;
+    for (scene::ObjectSpec& object : s.objects) vary_friction(object);
   }
   if (size_ && size_->mode != Mode::kFactor) refuse(*size_, "must be a 'factor'");
   if (size_ && !s.joints.empty()) refuse(*size_, "the scene has joints, whose anchors do not scale");
-  for (scene::ObjectSpec& object : s.objects) apply(s, object);
+  for (scene::ObjectSpec& object : s.objects) vary_size_and_mass(s, object);
 }
 
 void Nuisances::apply(const SceneSpec& s, scene::ObjectSpec& object) {
+  vary_friction(object);
+  vary_size_and_mass(s, object);
+}
+
+void Nuisances::vary_friction(scene::ObjectSpec& object) {
+  if (!friction_ || !object.friction) return;
+  object.friction = changed(*friction_, *object.friction, *friction_->drawn);
+  require_valid(*friction_, object);
+}
+
+void Nuisances::vary_size_and_mass(const SceneSpec& s, scene::ObjectSpec& object) {
   if (object.fixed) return;
   if (size_) {
     scale(object, *size_->drawn);
