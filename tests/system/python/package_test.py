@@ -2,6 +2,7 @@
 import contextlib
 import copy
 import gc
+import json
 import multiprocessing
 import os
 import pathlib
@@ -301,19 +302,27 @@ class Recordings(ExperimentTest):
     def test_the_end_of_an_episode_is_that_of_run(self):
         for name, body, success in VERDICTS:
             with self.subTest(name):
-                path = self.script(VERDICT_SCENE + body)
-                subprocess.run([os.environ["SMARTSURF"], "run", path, "--no-controller", "--until", "1", "--pace", "max", "--record",
-                                str(self.folder / "run.h5")], capture_output=True, timeout=60)
+                path = self.script(VERDICT_SCENE + body + "\nreward(function(t) return t end) info { t = function(t) return t end }\n"
+                                   "on_finish(function(t, tick) metric('t', t) metric('time', time()) metric('tick', tick) end)")
+                ran = subprocess.run([os.environ["SMARTSURF"], "run", path, "--no-controller", "--until", "1", "--pace", "max", "--record",
+                                      str(self.folder / "run.h5"), "--stats", str(self.folder / "run.json")], capture_output=True, timeout=60)
+                self.assertEqual(ran.returncode, 2 if "error" in body else 0)
+                stats = json.loads((self.folder / "run.json").read_text())
+                self.assertEqual("broken" in stats["outcome"], "error" in body)
                 s, over = smartsurf.Simulation(path), False
                 s.record(self.folder / "python.h5")
                 try:
                     while not over:
                         _, terminated, truncated = s.step()
+                        s.info
                         over = truncated or (terminated and "stop" in body)  # run goes on after success()
                     s.finish()
                 except smartsurf.Error as error:
                     self.assertIn("error", body, error)
-                self.assertEqual(s.success, success)
+                else:
+                    self.assertEqual(s.info["t"], s.time)
+                known = {name: None if np.isnan(value) else value for name, value in s.metrics.items()}
+                self.assertEqual((s.success, known), (success, stats["metrics"]))
                 s.stop_recording()
                 self.assertEqual(self.result(self.folder / "python.h5"), self.result(self.folder / "run.h5"))
 
@@ -415,15 +424,6 @@ class SavedStates(ExperimentTest):
                 with self.subTest(warm_up=warm_up):
                     self.check_replay(self.script(text), warm_up, 80)
 
-    def test_sleeping_bodies(self):
-        path = self.script(CROWD)
-        s = smartsurf.Simulation(path, seed=2)
-        for _ in range(400):
-            s.step(0.0)
-        state = s.save()
-        expected = drive(s, 60)
-        s.reset(2)
-        s.restore(state)
     def random_commands(self, random):
         """A script that commands its actuators and creates objects, its commands by tick, and the caller's writes by tick:
         each (channel, row, column, value)."""
@@ -478,6 +478,15 @@ class SavedStates(ExperimentTest):
                 traces.append(trace)
             self.assertEqual(traces, traces[:1] * len(traces), f"seed {seed}")
 
+    def test_sleeping_bodies(self):
+        path = self.script(CROWD)
+        s = smartsurf.Simulation(path, seed=2)
+        for _ in range(400):
+            s.step(0.0)
+        state = s.save()
+        expected = drive(s, 60)
+        s.reset(2)
+        s.restore(state)
         self.assertEqual(drive(s, 60), expected)
 
     def test_every_actuator(self):
