@@ -28,6 +28,9 @@ class Simulation {
     observation_ =
         Array<float>({static_cast<py::ssize_t>(environment_.observation_size()) / surface.cell_count(),
                       static_cast<py::ssize_t>(surface.rows), static_cast<py::ssize_t>(surface.columns)});
+    targets_ =
+        Array<float>({static_cast<py::ssize_t>(environment_.simulation().actuators().size()),
+                      static_cast<py::ssize_t>(surface.rows), static_cast<py::ssize_t>(surface.columns)});
     refresh();
   }
 
@@ -45,16 +48,16 @@ class Simulation {
     return objects_.get(environment_.simulation().partial_snapshot());
   }
 
-  // targets: channels × rows × columns.
-  py::tuple step(const Array<float>& targets) {
+  // channels × rows × columns: the caller writes those of the next step, and each step, reset and restore
+  // writes those in effect, the script's included.
+  Array<float> targets() const { return targets_; }
+
+  py::tuple step() {
     const Exclusive use(in_use_);
     simulation::StepResult result;
-    const std::span<const float> all = readable(targets);
-    const std::size_t cells = environment_.scene().surface.cell_count();
     {
       py::gil_scoped_release release;
-      for (std::size_t first = 0; first < all.size(); first += cells)
-        environment_.set_targets(static_cast<int>(first / cells), all.subspan(first, cells));
+      send_targets();
       result = environment_.step();
     }
     refresh();
@@ -88,8 +91,10 @@ class Simulation {
     const Exclusive use(in_use_);
     recording_.stop(environment_);
   }
+  // With the targets of the next step.
   py::bytes save() {
     const Exclusive use(in_use_);
+    send_targets();
     return environment_.save();
   }
   void restore(const py::bytes& state) {
@@ -143,27 +148,26 @@ class Simulation {
     const Exclusive use(in_use_);
     return python::render_range(environment_, width, height, camera);
   }
-  // The actuator targets in effect: channels × rows × columns, a copy.
-  Array<float> targets() const {
-    const Exclusive use(in_use_);
-    const auto channels = environment_.simulation().actuators();
-    const scene::SurfaceSpec& surface = environment_.scene().surface;
-    Array<float> out({static_cast<py::ssize_t>(channels.size()), static_cast<py::ssize_t>(surface.rows),
-                      static_cast<py::ssize_t>(surface.columns)});
-    float* to = out.mutable_data();
-    for (const scene::ChannelData& channel : channels) to = std::ranges::copy(channel.values, to).out;
-    return out;
-  }
 
  private:
+  void send_targets() {
+    const std::span<const float> all = readable(targets_);
+    const std::size_t cells = environment_.scene().surface.cell_count();
+    for (std::size_t first = 0; first < all.size(); first += cells)
+      environment_.set_targets(static_cast<int>(first / cells), all.subspan(first, cells));
+  }
   void refresh() {
     environment_.observe(writable(observation_));
+    float* to = targets_.mutable_data();
+    for (const scene::ChannelData& channel : environment_.simulation().actuators())
+      to = std::ranges::copy(channel.values, to).out;
     objects_.update(environment_.simulation().partial_snapshot());
   }
 
   mutable std::atomic_flag in_use_;
   Environment environment_;
   Array<float> observation_;  // of the latest tick: planes × rows × columns
+  Array<float> targets_;
   ObjectArrays objects_;
   std::unique_ptr<view::OffscreenView> view_, fast_view_;
   EpisodeRecording recording_;

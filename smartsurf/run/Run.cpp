@@ -142,9 +142,9 @@ int Run::execute() {
     }
     experiment_.finish();
   } catch (const script::Interrupted&) {
-    set_ending(common::kDone, "stopped by the user");
+    replace_ending(common::kDone, "stopped by the user");
   } catch (const scene::InputError& error) {
-    set_ending(common::kUserError, error.what());
+    replace_ending(common::kUserError, error.what());
     finish();
     keep_window_open();
     if (!restart_) throw;
@@ -459,6 +459,12 @@ bool Run::wait_until_due() {
 
 void Run::set_ending(int exit_status, std::string outcome, std::string title, std::optional<bool> success) {
   if (!ending_) ending_ = Ending{exit_status, std::move(outcome), std::move(title), success};
+}
+
+// Of a run that was done but for on_finish. What the script said of success stays.
+void Run::replace_ending(int exit_status, std::string outcome) {
+  if (ending_ && ending_->exit_status != common::kDone) return;
+  ending_ = Ending{exit_status, std::move(outcome), "", ending_ ? ending_->success : std::nullopt};
 }
 
 void Run::finish() {

@@ -109,6 +109,7 @@ class Run {
   // The first ending counts.
   void set_ending(int exit_status, std::string outcome, std::string title = "",
                   std::optional<bool> success = std::nullopt);
+  void replace_ending(int exit_status, std::string outcome);
   void finish();
   bool failed_to_start() const;
   void finish_pictures(double end_s);

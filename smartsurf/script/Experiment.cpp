@@ -191,18 +191,27 @@ struct Experiment::Impl {
     return keep_registered;
   }
 
-  // While it lives, the calls are those of a function that observes the state.
+  // While it lives, the calls are those of a function that judges the state at (t_s, tick). Afterwards the
+  // time is again that of the latest tick(), which on_finish is given.
   class Observing {
    public:
-    Observing(ScriptContext& context, std::string_view kind, std::string name = {}) : context_(context) {
+    Observing(Impl& impl, double t_s, std::uint64_t tick, std::string_view kind, std::string name = {})
+        : context_(impl.session), time_before_s_(context_.time_s), tick_before_(context_.tick) {
+      impl.set_time(t_s, tick);
       context_.observer.emplace(ScriptContext::Observer{kind, std::move(name), {}, {}});
     }
-    ~Observing() { context_.observer.reset(); }
+    ~Observing() {
+      context_.observer.reset();
+      context_.time_s = time_before_s_;
+      context_.tick = tick_before_;
+    }
     Observing(const Observing&) = delete;
     Observing& operator=(const Observing&) = delete;
 
    private:
     ScriptContext& context_;
+    double time_before_s_;
+    std::uint64_t tick_before_;
   };
 
   // The number that a callback returns; NaN for nil if that is allowed.
@@ -215,27 +224,37 @@ struct Experiment::Impl {
     lua_pop(L, 1);
     if (is_nan) return std::numeric_limits<double>::quiet_NaN();
     if ((type == LUA_TNUMBER && std::isfinite(value)) || type == LUA_TBOOLEAN) return value;
-    throw scene::InputError(session.callbacks[callback].location + ": " + subject + " returned " +
-                            (type == LUA_TNUMBER ? format_value(value) : lua_typename(L, type)) +
-                            ": must be a finite number");
+    refuse_result(callback, subject, type, value, "a finite number");
+  }
+
+  // When the goal was reached, as the callback of success() says.
+  std::optional<double> reached_s(int callback) {
+    push_result(callback);
+    lua_State* const L = interpreter.lua();
+    const int type = lua_type(L, -1);
+    const bool is_reached = lua_toboolean(L, -1) != 0;
+    const double value = lua_tonumber(L, -1);
+    lua_pop(L, 1);
+    const double latest_s = session.time_s + kDueTolerance * session.spec.world.control_period_s;
+    if (type == LUA_TNIL || type == LUA_TBOOLEAN)
+      return is_reached ? std::optional(session.time_s) : std::nullopt;
+    if (type == LUA_TNUMBER && value >= 0.0 && value <= latest_s) return value;
+    refuse_result(callback, "success", type, value,
+                  "true, false, nil or a time from 0 to now, " + format_value(session.time_s) + " s");
+  }
+
+  [[noreturn]] void refuse_result(int callback, const std::string& subject, int type, double value,
+                                  const std::string& requirement) const {
+    throw scene::InputError(
+        session.callbacks[callback].location + ": " + subject + " returned " +
+        (type == LUA_TNUMBER ? format_value(value) : lua_typename(interpreter.lua(), type)) + ": must be " +
+        requirement);
   }
 
   void set_time(double t_s, std::uint64_t tick) {
     assert(session.phase == Phase::kRunning);
     session.time_s = t_s;
     session.tick = tick;
-  }
-
-  // Calls a function that judges the state at (t_s, tick). Afterwards the time is again that of the latest
-  // tick(), which on_finish is given.
-  template <class Function>
-  auto judge(double t_s, std::uint64_t tick, Function function) {
-    const double time_before_s = session.time_s;
-    const std::uint64_t tick_before = session.tick;
-    set_time(t_s, tick);
-    const auto result = function();
-    set_time(time_before_s, tick_before);
-    return result;
   }
 
   void release_callback(int callback) {
@@ -360,31 +379,23 @@ bool Experiment::has_reward() const { return impl_->session.reward.has_value(); 
 std::optional<double> Experiment::episode_s() const { return impl_->session.episode_s; }
 
 double Experiment::reward(double t_s, std::uint64_t tick) {
-  impl_->set_time(t_s, tick);
-  const Impl::Observing observing(impl_->session, "reward");
-  return impl_->session.reward ? impl_->number_of(*impl_->session.reward, "reward", false) : 0.0;
+  if (!impl_->session.reward) return 0.0;
+  const Impl::Observing observing(*impl_, t_s, tick, "reward");
+  return impl_->number_of(*impl_->session.reward, "reward", false);
 }
 
 bool Experiment::declares_success() const { return impl_->session.success.has_value(); }
 
 std::optional<double> Experiment::success(double t_s, std::uint64_t tick) {
   if (!impl_->session.success) return std::nullopt;
-  return impl_->judge(t_s, tick, [&] {
-    lua_State* const L = impl_->interpreter.lua();
-    const Impl::Observing observing(impl_->session, "success");
-    impl_->push_result(*impl_->session.success);
-    std::optional<double> reached_s;
-    if (lua_toboolean(L, -1) != 0) reached_s = lua_type(L, -1) == LUA_TNUMBER ? lua_tonumber(L, -1) : t_s;
-    lua_pop(L, 1);
-    return reached_s;
-  });
+  const Impl::Observing observing(*impl_, t_s, tick, "success");
+  return impl_->reached_s(*impl_->session.success);
 }
 
 void Experiment::update_metrics(double t_s, std::uint64_t tick) {
   for (const auto& [metric, callback] : impl_->session.metric_functions) {
-    const Impl::Observing observing(impl_->session, "metric", impl_->session.metrics[metric].first);
-    const double value =
-        impl_->judge(t_s, tick, [&, id = callback] { return impl_->number_of(id, "metric", true); });
+    const Impl::Observing observing(*impl_, t_s, tick, "metric", impl_->session.metrics[metric].first);
+    const double value = impl_->number_of(callback, "metric", true);
     impl_->session.metrics[metric].second = value;
   }
 }
@@ -397,11 +408,10 @@ std::vector<Experiment::InfoField> Experiment::info_fields() const {
 }
 
 void Experiment::info(double t_s, std::uint64_t tick, std::span<double> values) {
-  impl_->set_time(t_s, tick);
   std::size_t i = 0;
   for (const script::InfoField& field : impl_->session.info) {
     if (!field.object) {
-      const Impl::Observing observing(impl_->session, "info", field.name);
+      const Impl::Observing observing(*impl_, t_s, tick, "info", field.name);
       values[i++] = impl_->number_of(field.callback, "info." + field.name, true);
       continue;
     }

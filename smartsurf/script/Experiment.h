@@ -75,8 +75,8 @@ class Experiment {
   // The value of reward(); 0 without one.
   double reward(double t_s, std::uint64_t tick);
   bool declares_success() const;
-  // When the goal was reached: the time that success() returns, or t_s if it returns another true value.
-  // nullopt if the goal is not reached, or without success().
+  // When the goal was reached: the time that success() returns, or t_s if it returns true. nullopt if the
+  // goal is not reached, or without success().
   std::optional<double> success(double t_s, std::uint64_t tick);
   // Sets the metrics that the script declares by a function to the function's value, NaN for nil.
   void update_metrics(double t_s, std::uint64_t tick);

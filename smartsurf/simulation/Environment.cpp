@@ -424,8 +424,7 @@ auto Environment::end_on_error(const Work& work) {
   try {
     return work();
   } catch (const std::exception& error) {
-    failed_ = true;
-    end(error.what());
+    if (!failed_) end_failed(error.what());
     throw;
   }
 }
@@ -455,6 +454,12 @@ void Environment::end(std::string outcome, std::optional<bool> stop_success) {
   if (!ending_) ending_ = Ending{std::move(outcome), stop_success};
 }
 
+// Also after another end, before or in on_finish. What the script said of success stays.
+void Environment::end_failed(std::string outcome) {
+  failed_ = true;
+  ending_ = Ending{std::move(outcome), ending_ ? ending_->stop_success : std::nullopt};
+}
+
 std::span<const float> Environment::controller_targets() const {
   return controller_ ? controller_->targets() : std::span<const float>();
 }
@@ -476,7 +481,7 @@ bool Environment::advance(std::span<const std::byte> prefetched) {
     prefetch.fetch_part();
   }
   if (const auto failure = s.failure()) {
-    end(*failure);
+    end_failed(*failure);
     throw scene::InputError(scene().file + ": " + *failure);
   }
   s.finish_tick();

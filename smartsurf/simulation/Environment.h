@@ -172,6 +172,7 @@ class Environment {
   bool advance(std::span<const std::byte> prefetched);
   bool ask_for_success();
   void end(std::string outcome, std::optional<bool> stop_success = std::nullopt);
+  void end_failed(std::string outcome);
   template <class Work>
   auto end_on_error(const Work&);
   void refuse_controller(const char* call) const;

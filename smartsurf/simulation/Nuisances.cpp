@@ -113,22 +113,18 @@ double changed(const Variation& v, double declared, double by) {
 
 void set_parameters(SceneSpec& s, const Variation& v, double by) {
   const std::vector<SceneParameter> parameters = parameters_of(s, v);
-  const auto is_undeclared = [](double number) { return std::isnan(number); };
-  std::size_t undeclared = 0;  // an error of all sensors, where some have one of their own
+  bool is_declared = false;
   for (const SceneParameter& parameter : parameters) {
     std::vector<double> numbers(parameter.size());
     parameter.get(s, numbers);
-    if (v.mode != Mode::kAbsolute && std::ranges::any_of(numbers, is_undeclared)) {
-      if (++undeclared == parameters.size() || !std::ranges::all_of(numbers, is_undeclared))
-        refuse(v, "the script declares no value for a 'factor' or an 'offset' to change");
-      continue;
-    }
     for (double& number : numbers) {
       number = changed(v, number, by);
       if (parameter.is_whole()) number = std::round(number);
+      is_declared |= !std::isnan(number);
     }
     parameter.set(s, numbers);
   }
+  if (!is_declared) refuse(v, "the script declares no value for a 'factor' or an 'offset' to change");
   for (const SceneParameter& parameter : parameters) with_subject(v, [&] { parameter.check(s); });
 }
 
@@ -198,15 +194,26 @@ Nuisances::Nuisances(SceneSpec& s, std::vector<Variation> variations) : drawn_(s
     }
     set_material(s, v, material->member, by);
     if (v.name != "friction") continue;
-    for (scene::ObjectSpec& object : s.objects)
-      if (object.friction) object.friction = changed(v, *object.friction, by);
+    friction_ = v;
+    for (scene::ObjectSpec& object : s.objects) vary_friction(object);
   }
   if (size_ && size_->mode != Mode::kFactor) refuse(*size_, "must be a 'factor'");
   if (size_ && !s.joints.empty()) refuse(*size_, "the scene has joints, whose anchors do not scale");
-  for (scene::ObjectSpec& object : s.objects) apply(s, object);
+  for (scene::ObjectSpec& object : s.objects) vary_size_and_mass(s, object);
 }
 
 void Nuisances::apply(const SceneSpec& s, scene::ObjectSpec& object) {
+  vary_friction(object);
+  vary_size_and_mass(s, object);
+}
+
+void Nuisances::vary_friction(scene::ObjectSpec& object) {
+  if (!friction_ || !object.friction) return;
+  object.friction = changed(*friction_, *object.friction, *friction_->drawn);
+  require_valid(*friction_, object);
+}
+
+void Nuisances::vary_size_and_mass(const SceneSpec& s, scene::ObjectSpec& object) {
   if (object.fixed) return;
   if (size_) {
     scale(object, *size_->drawn);

@@ -2,11 +2,13 @@
 // seed and set in its scene.
 //
 //   friction, rolling_friction, restitution    of all materials, and of objects with a friction of their own
-//   mass, size                                 of all objects but fixed ones, also of those that come later
+//   mass, size                                 of all objects but fixed ones
 //   pin_speed                                  max_speed of all actuators that have one
 //   latency, stuck, dead, weak, weak_gain      faults.actuator.…
-//   sensor_noise, sensor_dead, …               faults.sensor.…, and those of sensors with a value of their
-//   own any name of SceneParameter.h               one number for all its objects; not a fault of cells
+//   sensor_noise, sensor_dead, …               faults.sensor.…, and those of sensors with one of their own
+//   any name of SceneParameter.h               one number for all its objects; not a fault of cells
+//
+// Objects that come later have them, too, but for those of a parameter.
 #pragma once
 
 #include <memory>
@@ -34,11 +36,13 @@ class Nuisances {
   static void check(const scene::SceneSpec&, const std::vector<scene::Variation>&);
 
  private:
+  void vary_friction(scene::ObjectSpec&);
+  void vary_size_and_mass(const scene::SceneSpec&, scene::ObjectSpec&);
   std::shared_ptr<const scene::Solid> scaled(const std::shared_ptr<const scene::Solid>&, double factor);
   void scale(scene::ObjectSpec&, double factor);
 
   std::vector<scene::Variation> drawn_;
-  std::optional<scene::Variation> mass_, size_;
+  std::optional<scene::Variation> mass_, size_, friction_;
   std::vector<std::pair<std::shared_ptr<const scene::Solid>, std::shared_ptr<const scene::Solid>>> scaled_;
 };
 

@@ -40,6 +40,14 @@ std::pair<std::string, std::string> split(std::string_view text) {
   return {std::string(text.substr(0, dot)), std::string(text.substr(dot + 1))};
 }
 
+template <class Item, class Predicate>
+std::vector<std::size_t> indices_where(const std::vector<Item>& items, Predicate holds) {
+  std::vector<std::size_t> found;
+  for (std::size_t i = 0; i < items.size(); ++i)
+    if (holds(items[i])) found.push_back(i);
+  return found;
+}
+
 // ---- materials
 
 // A copy of a material that belongs to one object, or to the surface, has no name.
@@ -144,7 +152,6 @@ std::vector<std::string> object_groups(const SceneSpec& s) {
 
 // The objects of "*", "#3" or a label, ascending.
 std::vector<std::size_t> objects_of(const SceneSpec& s, std::string_view name, const std::string& group) {
-  std::vector<std::size_t> found;
   if (group.starts_with('#')) {
     std::size_t id = 0;
     if (!common::parse_number(std::string_view(group).substr(1), id) || id >= s.objects.size())
@@ -152,8 +159,8 @@ std::vector<std::size_t> objects_of(const SceneSpec& s, std::string_view name, c
              std::to_string(s.objects.size()));
     return {id};
   }
-  for (std::size_t i = 0; i < s.objects.size(); ++i)
-    if (group == "*" || s.objects[i].label == group) found.push_back(i);
+  const auto found =
+      indices_where(s.objects, [&](const ObjectSpec& o) { return group == "*" || o.label == group; });
   if (found.empty()) refuse_unknown(name, group, object_groups(s));
   return found;
 }
@@ -191,7 +198,10 @@ void get_values(const scene::ParameterValues& values, const scene::Parameter& p,
 }
 
 void set_values(scene::ParameterValues& values, const scene::Parameter& p, std::span<const double> from) {
-  values[p.name].assign(from.begin(), from.end());
+  if (std::isnan(from.front()))
+    values.erase(p.name);
+  else
+    values[p.name].assign(from.begin(), from.end());
 }
 
 void require_whole(const scene::ParameterValues& values, const scene::Parameter& p) {
@@ -366,16 +376,19 @@ struct SceneParameter::Makers {
       if (parameter == nullptr)
         refuse_unknown(name, field, settable_names(scene::find_actuator_kind(model)->parameters));
     }
-    out.components_ = numbers_of(*parameter);
-    if (out.components_ > 1) out.shape_ = {out.components_};
-    out.get_ = [model, parameter](const SceneSpec& from, std::span<double> to) {
+    const auto indices = indices_where(actuators, [&](const auto& a) { return a.model == model; });
+    const std::size_t size = out.components_ = numbers_of(*parameter);
+    if (indices.size() > 1) out.shape_.push_back(indices.size());
+    if (size > 1) out.shape_.push_back(size);
+    out.get_ = [indices, parameter, size](const SceneSpec& from, std::span<double> to) {
       const auto all = from.surface.effective_actuators();
-      get_values(std::ranges::find(all, model, &scene::ActuatorSpec::model)->values, *parameter, to);
+      for (std::size_t i = 0; i < indices.size(); ++i)
+        get_values(all[indices[i]].values, *parameter, to.subspan(i * size, size));
     };
-    out.set_ = [model, parameter](SceneSpec& to, std::span<const double> from) {
+    out.set_ = [indices, parameter, size](SceneSpec& to, std::span<const double> from) {
       to.surface.actuators = to.surface.effective_actuators();
-      for (scene::ActuatorSpec& a : to.surface.actuators)
-        if (a.model == model) set_values(a.values, *parameter, from);
+      for (std::size_t i = 0; i < indices.size(); ++i)
+        set_values(to.surface.actuators[indices[i]].values, *parameter, from.subspan(i * size, size));
       derive_pin_spec(to.surface);
     };
     out.is_whole_ = is_whole_number(*parameter);

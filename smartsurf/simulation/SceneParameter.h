@@ -2,7 +2,7 @@
 //
 //   object.LABEL.mass, object.#3.mass, object.*.mass     of objects with a label, of object 3, of all
 //   surface.friction, world.gravity
-//   actuator.max_speed, actuator.wheels.max_spin         of the only actuator, of a model
+//   actuator.max_speed, actuator.wheels.max_spin         of the only actuator, of all of a model
 //   sensor.proximity.noise                               of a sensor
 //   faults.actuator.dead, faults.sensor.noise            of all cells at random
 //   faults.height.stuck                                  of each cell: NaN where it has no such fault
@@ -41,14 +41,15 @@ class SceneParameter {
 
   const std::string& name() const { return name_; }
   // The axes of the value, outermost first: empty for a number, else objects (of "*" and of labels that
-  // several objects have), rows × columns, components.
+  // several objects have) or actuators (of a model that several have), rows × columns, components.
   const std::vector<std::size_t>& shape() const { return shape_; }
   std::size_t size() const;
-  std::size_t components() const { return components_; }  // 1: a number, or one for each object or cell
-  bool is_whole() const { return is_whole_; }             // takes whole numbers only
-  bool is_per_cell() const { return is_per_cell_; }       // a fault of cells, NaN: none
+  // 1: a number, or one for each object, actuator or cell.
+  std::size_t components() const { return components_; }
+  bool is_whole() const { return is_whole_; }        // takes whole numbers only
+  bool is_per_cell() const { return is_per_cell_; }  // a fault of cells, NaN: none
 
-  // NaN where the script has declared no value and there is no default.
+  // NaN where the script has declared no value and there is no default: set() leaves it so.
   void get(const scene::SceneSpec&, std::span<double>) const;
   void set(scene::SceneSpec&, std::span<const double>) const;
   // Throws scene::InputError, one clause, unless the script could declare the value that the scene has. After

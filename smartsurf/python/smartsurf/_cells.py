@@ -118,7 +118,7 @@ def fit_cells(rerun: Rerun, channel: str, prefix: str, readings: Sequence[Array]
     spread = np.sqrt((((y - level) * use) ** 2).sum(0) / count)
     state = np.where(np.ptp(commands, axis=0) == 0, IDLE, GOOD)
     state[(spread < 1e-9) & (state == GOOD)] = FROZEN
-    declared = np.array([float(rerun.simulation.get_parameter(prefix + name)) for name in SHARED])
+    declared = np.array([np.ravel(rerun.simulation.get_parameter(prefix + name))[0] for name in SHARED])
     shared, gain, offset, delay = _start(problem, declared, state)
     nothing = _line(np.zeros_like(y), y, use)[2]
     heights = problem.heights(shared, np.ones(cells), np.zeros(cells))

@@ -49,7 +49,7 @@ def silent_source(experiment: str | pathlib.Path, functions: bool = True) -> str
 def _is_of_pins_alone(simulation: Simulation) -> bool:
     """Whether nothing but commands moves the pins: there are no objects yet, and none that comes is too heavy for a pin."""
     limits = [n for n in simulation.parameters if n.startswith("actuator.") and n.endswith(".max_force")]
-    return not len(simulation.objects["id"]) and all(np.isnan(simulation.get_parameter(n)) for n in limits)
+    return not len(simulation.objects["id"]) and all(np.isnan(simulation.get_parameter(n)).all() for n in limits)
 
 
 class Rerun:

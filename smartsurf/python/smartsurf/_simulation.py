@@ -183,12 +183,12 @@ class Simulation(Surface):
 
         actions: a dict of actuator channels, or the array alone where there is one channel; each rows × columns, or
         one number for all cells. Channels that are not named keep their targets. Values are clamped to the channel's
-        range; NaN becomes its safe value.
+        range; NaN becomes its safe value. What the script commands takes their place.
         """
         self._check_process()
         if actions is not None:
             self._take(actions)
-        reward, terminated, truncated = self._core.step(self._targets)
+        reward, terminated, truncated = self._core.step()
         return reward, terminated, truncated
 
     def reset(self, seed: int | None = None) -> int:
@@ -198,11 +198,11 @@ class Simulation(Surface):
         """
         self._check_process()
         self._core.reset(checked_seed(seed) if seed is not None else draw_seed())
-        self._targets[...] = self._core.targets
         return self.seed
 
     def save(self) -> bytes:
-        """The whole state as bytes: bodies, contacts, actuators, sensors, and the script's variables and random numbers.
+        """The whole state as bytes: bodies, contacts, actuators, sensors, the targets of the next step, and the script's
+        variables and random numbers.
         Raises Error for what cannot be saved: see docs/python.md."""
         return self._core.save()
 
@@ -212,7 +212,6 @@ class Simulation(Surface):
         damaged or of another experiment."""
         self._check_process()
         self._core.restore(state_bytes(state))
-        self._targets[...] = self._core.targets
 
     def finish(self) -> dict[str, float]:
         """Ends the episode: runs the script's on_finish, once, and returns the metrics."""
@@ -310,7 +309,7 @@ class Simulation(Surface):
 
     def __reduce__(self) -> tuple[Any, ...]:
         state = self.save() if self._core.has_running_episode else None
-        return _unpickled, (self._arguments, self._core.parameter_settings(), state, self._targets.copy())
+        return _unpickled, (self._arguments, self._core.parameter_settings(), state)
 
     def _check_process(self) -> None:
         if self._threads > 1 and self._process != os.getpid():
@@ -318,12 +317,11 @@ class Simulation(Surface):
                                "fork, or with threads=1")
 
 
-def _unpickled(arguments: dict[str, Any], settings: Any, state: bytes | None, targets: NDArray[np.float32]) -> Simulation:
+def _unpickled(arguments: dict[str, Any], settings: Any, state: bytes | None) -> Simulation:
     simulation = Simulation(**arguments)
     simulation._core.set_parameter_settings(settings)
     if state is None:  # as the original, good for reset() and restore()
         simulation._core.fail()
     else:
         simulation.restore(state)
-    simulation._targets[...] = targets
     return simulation

@@ -85,6 +85,10 @@ VERDICTS = (
     ("at the start", "success(function(t, tick) return tick == 0 end)", True),
     ("never", "success(function() return false end)", False),
     ("error", "metric('success', function() return 0 end) at(0.5, function() error('broken') end)", False),
+    ("error of success() at the end", "success(function(t) if t > 0.99 then error('broken') end end)", False),
+    ("error of a metric at the end", "metric('m', function(t) if t > 0.99 then error('broken') end end)", False),
+    ("error of on_finish", "on_finish(function() error('broken') end)", False),
+    ("error of on_finish after stop", "at(0.5, function() stop('reached', true) end) on_finish(function() error('broken') end)", True),
     ("error after success", "success(function(t) return t > 0.2 end) at(0.5, function() error('broken') end)", True),
 )
 

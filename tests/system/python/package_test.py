@@ -2,6 +2,7 @@
 import contextlib
 import copy
 import gc
+import json
 import multiprocessing
 import os
 import pathlib
@@ -301,19 +302,27 @@ class Recordings(ExperimentTest):
     def test_the_end_of_an_episode_is_that_of_run(self):
         for name, body, success in VERDICTS:
             with self.subTest(name):
-                path = self.script(VERDICT_SCENE + body)
-                subprocess.run([os.environ["SMARTSURF"], "run", path, "--no-controller", "--until", "1", "--pace", "max", "--record",
-                                str(self.folder / "run.h5")], capture_output=True, timeout=60)
+                path = self.script(VERDICT_SCENE + body + "\nreward(function(t) return t end) info { t = function(t) return t end }\n"
+                                   "on_finish(function(t, tick) metric('t', t) metric('time', time()) metric('tick', tick) end)")
+                ran = subprocess.run([os.environ["SMARTSURF"], "run", path, "--no-controller", "--until", "1", "--pace", "max", "--record",
+                                      str(self.folder / "run.h5"), "--stats", str(self.folder / "run.json")], capture_output=True, timeout=60)
+                self.assertEqual(ran.returncode, 2 if "error" in body else 0)
+                stats = json.loads((self.folder / "run.json").read_text())
+                self.assertEqual("broken" in stats["outcome"], "error" in body)
                 s, over = smartsurf.Simulation(path), False
                 s.record(self.folder / "python.h5")
                 try:
                     while not over:
                         _, terminated, truncated = s.step()
+                        s.info
                         over = truncated or (terminated and "stop" in body)  # run goes on after success()
                     s.finish()
                 except smartsurf.Error as error:
                     self.assertIn("error", body, error)
-                self.assertEqual(s.success, success)
+                else:
+                    self.assertEqual(s.info["t"], s.time)
+                known = {name: None if np.isnan(value) else value for name, value in s.metrics.items()}
+                self.assertEqual((s.success, known), (success, stats["metrics"]))
                 s.stop_recording()
                 self.assertEqual(self.result(self.folder / "python.h5"), self.result(self.folder / "run.h5"))
 
@@ -414,6 +423,60 @@ class SavedStates(ExperimentTest):
             for warm_up in (0, 40, 200):
                 with self.subTest(warm_up=warm_up):
                     self.check_replay(self.script(text), warm_up, 80)
+
+    def random_commands(self, random):
+        """A script that commands its actuators and creates objects, its commands by tick, and the caller's writes by tick:
+        each (channel, row, column, value)."""
+        rows, columns, ticks = *random.integers(1, 4, 2), 12
+        text = (f"surface {{ rows = {rows}, columns = {columns}, actuator = delta {{ latency = {random.integers(3)} }}, "
+                f"sensors = {{ joint_position {{}}, proximity {{}} }} }}\n"
+                f"faults {{ actuator = {{ weak = {{ fraction = 0.3, gain = 0.5 }}, latency = {random.integers(2)} }} }}\n")
+        names = [c.name for c in smartsurf.Simulation("x.lua", source=text).actuator_channels]
+        commands, writes = {}, {}
+        for tick in range(ticks):
+            for of, count in (commands, random.integers(3)), (writes, random.integers(3)):
+                of[tick] = [(str(random.choice(names)), int(random.integers(rows)), int(random.integers(columns)),
+                             float(random.choice([-9, 0, 0.5, 9, random.uniform(-2, 2)]))) for _ in range(count)]
+            if random.random() < 0.3:
+                writes[tick].append((names[0], 0, 0, np.nan))
+            lines = [f"cells:target('{name}', {r + 1}, {c + 1}, {value!r})" for name, r, c, value in commands[tick]]
+            if random.random() < 0.3:
+                lines.append(f"sphere {{ radius = 0.4, position = {{ {random.uniform(0, columns)}, {random.uniform(0, rows)}, 3 }} }}")
+            text += f"at({tick} / 60, function() {' '.join(lines)} end)\n"
+        return text, commands, writes
+
+    def test_targets_stand_until_they_are_written_also_in_a_restored_state(self):
+        def same(s):
+            s.restore(s.save())
+            return s
+
+        def another(s):
+            other = smartsurf.Simulation("x.lua", seed=9, source=s._arguments["source"])
+            other.step({c.name: c.maximum for c in other.actuator_channels})
+            other.actuators[other.actuator_channels[0].name][...] = 1
+            other.restore(s.save())
+            return other
+
+        for seed in range(12):
+            text, commands, writes = self.random_commands(np.random.default_rng(seed))
+            traces = []
+            for carried in (lambda s: s, same, another, lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy):
+                s, trace = smartsurf.Simulation("x.lua", seed=1, source=text), []
+                channels = {c.name: c for c in s.actuator_channels}
+                expected = {name: a.copy() for name, a in s.actuators.items()}
+                for tick in range(len(writes)):
+                    for name, row, column, value in writes[tick]:
+                        s.actuators[name][row, column] = value
+                    for name, row, column, value in writes[tick] + commands[tick]:
+                        c = channels[name]
+                        expected[name][row, column] = c.safe if np.isnan(value) else np.clip(value, c.minimum, c.maximum)
+                    s = carried(s)
+                    s.step()
+                    for name, array in expected.items():
+                        np.testing.assert_array_equal(s.actuators[name], array, f"seed {seed}, tick {tick}")
+                    trace.append((s.state_hash, *(a.tobytes() for a in s.sensors.values())))
+                traces.append(trace)
+            self.assertEqual(traces, traces[:1] * len(traces), f"seed {seed}")
 
     def test_sleeping_bodies(self):
         path = self.script(CROWD)

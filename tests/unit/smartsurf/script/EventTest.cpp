@@ -85,13 +85,19 @@ TEST_F(EventTest, MetricKeepsLastValue) {
 TEST_F(EventTest, MetricFunctionsAreEvaluatedWithTheNewState) {
   run("local n = 0 on_tick(function() n = n + 1 end) metric('ticks', function(t, tick) return n + 10 * t + "
       "100 * tick end) "
-      "metric('none', function() end) on_finish(function(t, tick) print(t, tick, time()) end)",
+      "metric('none', function() end) on_finish(function(t, tick) print(t, tick, time()) end) "
+      "reward(function() return 1 end) success(function() end) info { one = function() return 1 end }",
       3);
   EXPECT_EQ(experiment->metrics()[0].first, "ticks");
   EXPECT_TRUE(std::isnan(experiment->metrics()[0].second)) << "not yet evaluated";
   experiment->update_metrics(0.5, 4);
   EXPECT_EQ(experiment->metrics()[0].second, 4.0 + 5.0 + 400.0);
   EXPECT_TRUE(std::isnan(experiment->metrics()[1].second));
+  experiment->success(0.5, 4);
+  experiment->reward(0.5, 4);
+  double one = 0.0;
+  experiment->info(0.5, 4, {&one, 1});
+  EXPECT_EQ(one, 1.0);
   experiment->finish();
   EXPECT_EQ(printed, "0.05\t3\t0.05\n") << "the time of the latest tick";
 }
@@ -112,7 +118,19 @@ TEST_F(EventTest, SuccessReturnsItsTime) {
   EXPECT_FALSE(success("success(function() return false end)"));
   EXPECT_TRUE(experiment->declares_success());
   EXPECT_EQ(success("success(function(t, tick) return t == 0.5 and tick == 4 end)"), 0.5);
-  EXPECT_EQ(success("success(function() return 0.25 end)"), 0.25);
+  for (const double time_s : {0.0, 0.25, 0.5})
+    EXPECT_EQ(success("success(function() return " + std::to_string(time_s) + " end)"), time_s);
+  EXPECT_EQ(success("success(function(t) return t * (1 + 1e-15) end)"), 0.5 * (1 + 1e-15)) << "rounding";
+  for (const auto& [value, shown] : std::vector<std::pair<std::string, std::string>>{{"0/0", "nan"},
+                                                                                     {"1/0", "inf"},
+                                                                                     {"-5", "-5"},
+                                                                                     {"0.501", "0.501"},
+                                                                                     {"1e9", "1000000000"},
+                                                                                     {"'no'", "string"},
+                                                                                     {"{}", "table"}})
+    EXPECT_EQ(
+        caught([&, v = value] { success("success(function() return " + v + " end)"); }),
+        "t.lua:2: success returned " + shown + ": must be true, false, nil or a time from 0 to now, 0.5 s");
 }
 
 TEST_F(EventTest, EveryStartsAfterOnePeriodWithoutDrift) {
