@@ -477,6 +477,20 @@ TEST(ActuatorArray, SupportsMixedModelsAndEmptyCells) {
   EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "the ball cell must ignore pin commands";
 }
 
+TEST(ActuatorArray, PinsOfASurfaceWithoutActuatorsStandOnTheirBase) {
+  scene::SurfaceSpec s;
+  s.rows = 1, s.columns = 3;
+  s.base_heights = {2, -1, 0.5F};
+  derive_pin_spec(s);
+  Cells cells(s);
+  EXPECT_EQ(cells.field().height, s.base_heights);
+  cells.run(1);
+  EXPECT_EQ(cells.field().height, s.base_heights);
+  cells.command(0, 4);
+  cells.run(2);
+  EXPECT_EQ(cells.field().height, (std::vector<float>{6, 3, 4.5F}));
+}
+
 TEST(ActuatorArray, DelaysCommandsByLatency) {
   scene::SurfaceSpec s =
       surface_of({actuator("ball", {{"latency", {3}}, {"max_acceleration", {1e6}}, {"radius", {1}}})}, 1, 1);
