@@ -73,9 +73,7 @@ std::vector<Eigen::Vector3f> to_single_precision(const std::vector<Eigen::Vector
 scene::ConvexHull translated(const scene::ConvexHull& hull, const Eigen::Vector3f& by) {
   std::vector<Eigen::Vector3f> corners = hull.vertices;
   for (auto& corner : corners) corner += by;
-  std::vector<std::uint32_t> sizes;
-  for (const auto& face : hull.faces) sizes.push_back(face.vertex_count);
-  return scene::make_convex_hull(std::move(corners), hull.face_vertices, sizes);
+  return with_vertices(hull, std::move(corners));
 }
 
 // The relative deviation of the hulls from the mesh, whose centre of mass is the origin.

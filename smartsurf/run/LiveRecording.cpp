@@ -81,11 +81,7 @@ scene::SceneSpec scene_of(const Description& d) {
   }
   if (std::ranges::all_of(base, [](float z) { return z == 0.0F; })) base.clear();
   if (is_grid(d)) spec.surface.cell_poses.clear();
-  if (!base.empty()) {
-    const auto [lowest, highest] = std::ranges::minmax(base);
-    pin.min_height += static_cast<double>(lowest);
-    pin.max_height += static_cast<double>(highest);
-  }
+  derive_pin_spec(spec.surface);
   spec.world.control_period_s = static_cast<double>(d.period_ns) * 1e-9;
   spec.record.objects = false;
   spec.record.sensors = scene::SensorRecording::kAlways;
@@ -325,12 +321,11 @@ class LiveRecording {
   // Sensed heights if the surface senses them, or else the commanded ones, which count from the base.
   void set_heights() {
     std::vector<float>& to = snapshot_.height;
-    const std::vector<float>& base = spec_.surface.base_heights;
     const std::span<const float> sensed = sensors_.find("pin_height"), commanded = actuators_.find("height");
     if (!sensed.empty()) {
       if (sensed.size() == to.size()) std::ranges::copy(sensed, to.begin());
     } else if (commanded.size() == to.size()) {
-      for (std::size_t i = 0; i < to.size(); ++i) to[i] = commanded[i] + (base.empty() ? 0.0F : base[i]);
+      for (std::size_t i = 0; i < to.size(); ++i) to[i] = commanded[i] + spec_.surface.base_height(i);
     }
   }
 

@@ -13,14 +13,14 @@ constexpr std::size_t kMinStreamedBytes = 64 * 1024;
 // Empty for a regular grid at height 0; else x, y and base height of each cell, u.
 std::vector<std::array<float, 3>> cell_positions(const scene::SurfaceSpec& surface) {
   std::vector<std::array<float, 3>> cells;
-  const std::vector<float>& base = surface.base_heights;
-  if (surface.cell_poses.empty() && std::ranges::all_of(base, [](float z) { return z == 0.0F; }))
+  if (surface.cell_poses.empty() &&
+      std::ranges::all_of(surface.base_heights, [](float z) { return z == 0.0F; }))
     return cells;
   cells.reserve(surface.cell_count());
   for (int row = 0; row < surface.rows; ++row)
     for (int column = 0; column < surface.columns; ++column) {
       const Eigen::Vector2f at = surface.centre(row, column).cast<float>();
-      cells.push_back({at.x(), at.y(), base.empty() ? 0.0F : base[surface.index(row, column)]});
+      cells.push_back({at.x(), at.y(), surface.base_height(surface.index(row, column))});
     }
   return cells;
 }

@@ -237,8 +237,8 @@ ActuatorSpec make_pin_actuator(const PinSpec& pin) {
 }
 
 void derive_pin_spec(SurfaceSpec& s) {
-  const PinSpec previous = s.pin;
-  double low = previous.min_height, high = previous.max_height;
+  s.actuators = s.effective_actuators();
+  double low = 0.0, high = 0.0;
   for (std::size_t i = 0; i < s.actuators.size(); ++i) {
     const ActuatorSpec& a = s.actuators[i];
     const auto heights = find_actuator_kind(a.model)->height_limits_of(a);

@@ -215,6 +215,8 @@ struct SurfaceSpec {
   // channel is the union of their ranges, its safe value one that all of them clamp to their own, if any.
   std::vector<ActuatorChannel> actuator_channels() const;
   int index(int row, int column) const { return row * columns + column; }
+  // Of the cell with this index, u.
+  float base_height(std::size_t cell) const { return base_heights.empty() ? 0.0F : base_heights[cell]; }
   bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == rows - 1 || column == columns - 1;
   }
@@ -243,7 +245,7 @@ struct SurfaceSpec {
 };
 
 // Derives `pin` from the surface's actuators: the common body and the range of heights, including
-// base_heights. If `actuators` is empty, only base_heights are applied.
+// base_heights. An empty `actuators` first becomes the pin that it stands for.
 void derive_pin_spec(SurfaceSpec&);
 
 // A pin actuator with the body and limits of `pin`.

@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cassert>
+#include <cmath>
+#include <utility>
 
 namespace smartsurf::scene {
 namespace {
@@ -72,13 +74,35 @@ ConvexHull make_convex_hull(std::vector<Eigen::Vector3f> vertices, std::vector<s
   return hull;
 }
 
+ConvexHull with_vertices(const ConvexHull& hull, std::vector<Eigen::Vector3f> vertices) {
+  std::vector<std::uint32_t> face_sizes;
+  for (const ConvexHull::Face& face : hull.faces) face_sizes.push_back(face.vertex_count);
+  return make_convex_hull(std::move(vertices), hull.face_vertices, face_sizes);
+}
+
 void compute_bounds(Solid& solid) {
   solid.bounds_min = solid.bounds_max = solid.vertices.front();
+  solid.bounding_radius = 0.0F;
   for (const auto& v : solid.vertices) {
     solid.bounds_min = solid.bounds_min.cwiseMin(v);
     solid.bounds_max = solid.bounds_max.cwiseMax(v);
     solid.bounding_radius = std::max(solid.bounding_radius, v.norm());
   }
+}
+
+Solid scaled(const Solid& solid, double factor) {
+  const auto scale = [f = static_cast<float>(factor)](std::vector<Eigen::Vector3f> points) {
+    for (Eigen::Vector3f& point : points) point *= f;
+    return points;
+  };
+  Solid result = solid;
+  result.vertices = scale(std::move(result.vertices));
+  for (ConvexHull& hull : result.hulls) hull = with_vertices(hull, scale(hull.vertices));
+  result.centroid *= factor;
+  result.volume *= std::pow(factor, 3);
+  result.inertia *= std::pow(factor, 5);
+  compute_bounds(result);
+  return result;
 }
 
 }  // namespace smartsurf::scene

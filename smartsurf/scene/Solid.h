@@ -40,6 +40,8 @@ struct ConvexHull {
 // convex polyhedron.
 ConvexHull make_convex_hull(std::vector<Eigen::Vector3f> vertices, std::vector<std::uint16_t> face_loops,
                             std::span<const std::uint32_t> face_sizes);
+// The hull with other corners, one for each of its own, which form the same faces.
+ConvexHull with_vertices(const ConvexHull&, std::vector<Eigen::Vector3f> vertices);
 
 struct Solid {
   std::string source;  // the mesh file, or the generator ("cone")
@@ -55,5 +57,7 @@ struct Solid {
 
 // Sets bounds_min, bounds_max and bounding_radius from the vertices, of which there is at least one.
 void compute_bounds(Solid&);
+// The solid made larger by the factor, > 0: what is derived from its points is that of the larger ones.
+Solid scaled(const Solid&, double factor);
 
 }  // namespace smartsurf::scene

@@ -118,9 +118,7 @@ struct Reported {
 
 // z below which a point over the table is inside cells, if none is empty.
 double lowest_top(const SurfaceSpec& surface) {
-  const double base =
-      surface.base_heights.empty() ? 0.0 : double{*std::ranges::min_element(surface.base_heights)};
-  return base + surface.pin.min_height;
+  return std::min(surface.pin.min_height, surface.border_height.value_or(surface.pin.min_height));
 }
 
 // True if the point is within the wall around the cells.

@@ -141,25 +141,6 @@ void require_valid(const Variation& v, const scene::ObjectSpec& object) {
   if (const std::string clause = validate(object); !clause.empty()) refuse(v, clause);
 }
 
-scene::Solid resized(const scene::Solid& solid, double factor) {
-  const auto resize = [f = static_cast<float>(factor)](std::vector<Eigen::Vector3f> points) {
-    for (Eigen::Vector3f& point : points) point *= f;
-    return points;
-  };
-  scene::Solid result = solid;
-  result.vertices = resize(solid.vertices);
-  for (scene::ConvexHull& hull : result.hulls) {
-    std::vector<std::uint32_t> sizes;
-    for (const scene::ConvexHull::Face& face : hull.faces) sizes.push_back(face.vertex_count);
-    hull = scene::make_convex_hull(resize(hull.vertices), hull.face_vertices, sizes);
-  }
-  result.centroid *= factor;
-  result.volume *= factor * factor * factor;
-  result.inertia *= std::pow(factor, 5.0);
-  compute_bounds(result);
-  return result;
-}
-
 }  // namespace
 
 bool have_same_channels(const SceneSpec& a, const SceneSpec& b) {
@@ -246,7 +227,7 @@ std::shared_ptr<const scene::Solid> Nuisances::scaled(const std::shared_ptr<cons
                                                       double factor) {
   for (const auto& [declared, larger] : scaled_)
     if (declared == solid) return larger;
-  scaled_.emplace_back(solid, std::make_shared<const scene::Solid>(resized(*solid, factor)));
+  scaled_.emplace_back(solid, std::make_shared<const scene::Solid>(scene::scaled(*solid, factor)));
   return scaled_.back().second;
 }
 

@@ -100,12 +100,10 @@ void ActuatorArray::init_heights(const scene::SurfaceSpec& surface) {
   field_.height.assign(cells, kNoCellHeight);
   field_.speed.assign(cells, 0.0F);
   field_.impulse.assign(cells, 0.0F);
-  const auto base = [&](std::size_t i) {
-    return surface.base_heights.empty() ? 0.0F : surface.base_heights[i];
-  };
   for (const Model& model : models_) {
     const auto rest_height = static_cast<float>(model.spec.has("height") ? model.spec.number("height") : 0.0);
-    for_each_cell(model.runs, [&](std::size_t i) { field_.height[i] = base(i) + rest_height; });
+    for_each_cell(model.runs,
+                  [&](std::size_t i) { field_.height[i] = surface.base_height(i) + rest_height; });
   }
   for_each_cell(
       find_runs(surface,

@@ -1,7 +1,6 @@
 #include "smartsurf/world/LengthUnit.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "smartsurf/scene/Solid.h"
@@ -10,22 +9,6 @@ namespace smartsurf::world {
 namespace {
 
 constexpr double kCostPerCell_ns = 0.5;
-
-std::shared_ptr<const scene::Solid> scaled(const scene::Solid& from, double factor) {
-  const auto factor_f = static_cast<float>(factor);
-  auto to = std::make_shared<scene::Solid>(from);
-  for (Eigen::Vector3f& v : to->vertices) v *= factor_f;
-  for (scene::ConvexHull& hull : to->hulls) {
-    for (Eigen::Vector3f& v : hull.vertices) v *= factor_f;
-    std::vector<std::uint32_t> face_sizes;
-    for (const auto& face : hull.faces) face_sizes.push_back(face.vertex_count);
-    hull = scene::make_convex_hull(std::move(hull.vertices), std::move(hull.face_vertices), face_sizes);
-  }
-  to->volume *= std::pow(factor, 3);
-  to->inertia *= std::pow(factor, 5);
-  compute_bounds(*to);
-  return to;
-}
 
 surface::YieldingTip scaled(const surface::YieldingTip& tip, float factor) {
   return {tip.held_position * factor, tip.held_velocity * factor, tip.deflection * factor,
@@ -49,7 +32,8 @@ scene::ObjectSpec LengthUnit::to_world(const scene::ObjectSpec& from, const scen
     std::erase_if(solids_, [](const ConvertedSolid& s) { return s.scene.expired() || s.world.expired(); });
     const auto known = std::ranges::find_if(
         solids_, [&from](const ConvertedSolid& s) { return s.scene.lock() == from.solid; });
-    to.solid = known != solids_.end() ? known->world.lock() : scaled(*from.solid, to_world_);
+    to.solid = known != solids_.end() ? known->world.lock()
+                                      : std::make_shared<const scene::Solid>(scaled(*from.solid, to_world_));
     if (known == solids_.end()) solids_.push_back({from.solid, to.solid});
   }
   return to;

@@ -187,9 +187,7 @@ scene::ObjectSpec compound(const std::vector<Block>& blocks) {
     // The builder moves the origin to the middle.
     scene::ConvexHull hull = mesh::build_hull_solid(corners).hulls.front();
     for (Eigen::Vector3f& v : hull.vertices) v += b.centre.cast<float>();
-    std::vector<std::uint32_t> sizes;
-    for (const auto& face : hull.faces) sizes.push_back(face.vertex_count);
-    solid->hulls.push_back(scene::make_convex_hull(hull.vertices, hull.face_vertices, sizes));
+    solid->hulls.push_back(with_vertices(hull, hull.vertices));
     solid->vertices.insert(solid->vertices.end(), hull.vertices.begin(), hull.vertices.end());
   }
   scene::compute_bounds(*solid);

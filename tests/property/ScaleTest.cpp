@@ -3,13 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <numbers>
+#include <random>
 #include <vector>
 
+#include "smartsurf/mesh/SolidBuilder.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Solid.h"
 #include "smartsurf/world/Substeps.h"
 #include "tests/property/PhysicsFixture.h"
+#include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
 using namespace physics_fixture;
 using namespace smartsurf;
@@ -17,6 +21,8 @@ using namespace smartsurf;
 namespace {
 
 constexpr int kCells = 32;
+
+using DrawUniform = std::function<double(double low, double high)>;
 
 scene::ObjectSpec scaled(scene::ObjectSpec o, double unit) {
   if (o.shape == scene::ShapeKind::kSolid) {
@@ -39,13 +45,13 @@ void scale_scene(PhysicsFixture& fixture, double unit) {
   s.materials[0].restitution = 0.3;
   s.surface.pitch = unit;
   scene::ActuatorSpec pin = scene::find_actuator_kind("pin")->default_spec();
+  pin.values["top"] = {0.8 * unit, 0.8 * unit};
+  pin.values["length"] = {2 * unit};
   pin.values["range"] = {0, 4 * unit};
   pin.values["max_speed"] = {3 * unit};
   pin.values["max_acceleration"] = {50 * unit};
   s.surface.actuators = {pin};
   derive_pin_spec(s.surface);
-  s.surface.pin.top_x = s.surface.pin.top_y = 0.8 * unit;
-  s.surface.pin.length = 2 * unit;
 }
 
 struct Track {
@@ -131,6 +137,110 @@ TEST(Scale, TrajectoriesAreAlikeInAnyUnitOfLength) {
   }
 }
 
+namespace {
+
+// Objects of random shapes at random poses: hulls, compounds of two, decomposed meshes and primitives.
+scene::ObjectSpec random_object(const DrawUniform& draw, double unit) {
+  const auto vector = [&](double half) {
+    return Eigen::Vector3d(draw(-half, half), draw(-half, half), draw(-half, half));
+  };
+  const auto corners = [&] {
+    std::vector<Eigen::Vector3d> points(10);
+    const Eigen::Vector3d centre = vector(0.4);
+    for (Eigen::Vector3d& p : points) p = (centre + vector(1.0).normalized()) * unit;
+    return points;
+  };
+  scene::ObjectSpec o;
+  const int shape = static_cast<int>(draw(0, 8));
+  o.shape = shape < scene::kShapeKindCount ? static_cast<scene::ShapeKind>(shape) : scene::ShapeKind::kSolid;
+  o.radius = draw(0.3, 0.7) * unit, o.height = draw(1.4, 2.0) * unit;
+  o.size = Eigen::Vector3d(draw(0.6, 1.6), draw(0.6, 1.6), draw(0.6, 1.6)) * unit;
+  if (shape == 5) {
+    o.solid = std::make_shared<scene::Solid>(mesh::build_hull_solid(corners()));
+  } else if (shape == 6) {
+    const std::vector parts{corners(), corners()};
+    o.solid = std::make_shared<scene::Solid>(mesh::build_compound(parts));
+  } else if (shape == 7) {
+    mesh::TriangleMesh l = mesh::l_mesh();
+    for (Eigen::Vector3d& p : l.points) p *= 0.7 * unit;
+    std::vector<std::string> notes;
+    o.solid = std::make_shared<scene::Solid>(mesh::build_solid(std::move(l), {}, notes));
+  }
+  o.orientation.coeffs() << vector(1.0), draw(-1, 1);
+  o.orientation.normalize();
+  o.velocity = vector(3.0) * unit;
+  o.angular_velocity = vector(4.0);
+  if (draw(0, 1) < 0.5) o.mass = draw(0.5, 4.0);
+  if (draw(0, 1) < 0.3) o.centre_of_mass = vector(0.1) * unit;
+  return o;
+}
+
+// The states of all objects after each step, divided by the unit.
+std::vector<float> random_track(unsigned seed, double unit) {
+  std::mt19937_64 random(seed);
+  const DrawUniform draw = [&random](double low, double high) {
+    return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
+  };
+  PhysicsFixture fixture;
+  scale_scene(fixture, unit);
+  scene::SurfaceSpec& surface = fixture.scene.surface;
+  surface.rows = surface.columns = 10;
+  surface.border_height = 3 * unit;
+  fixture.scene.materials[0].density = 1.0 / (unit * unit * unit);
+  if (seed % 3 == 1) surface.actuators[0].values["max_force"] = {20 * unit};
+  if (seed % 3 == 2) {
+    scene::ActuatorSpec delta = scene::find_actuator_kind("delta")->default_spec();
+    for (const auto& [name, value] : {std::pair{"tip.radius", 0.3},
+                                      {"workspace.radius", 0.1},
+                                      {"max_speed", 3.0},
+                                      {"max_acceleration", 50.0},
+                                      {"max_force", 20.0},
+                                      {"length", 2.0}})
+      delta.values[name] = {value * unit};
+    delta.values["workspace.z"] = {0, 2 * unit};
+    delta.values["top"] = {0.8 * unit, 0.8 * unit};
+    surface.actuators = {delta};
+  }
+  derive_pin_spec(surface);
+  std::vector<scene::ObjectId> ids;
+  for (int i = 0; i < 9; ++i) {
+    scene::ObjectSpec o = random_object(draw, unit);
+    o.position = Eigen::Vector3d(1.8 + 2.7 * (i % 3), 1.8 + 2.7 * (i / 3), draw(2.5, 5.0)) * unit;
+    ids.push_back(fixture.add(o));
+  }
+  std::vector<float> track;
+  int step = 0;
+  const int channels = static_cast<int>(fixture.cells().channels().size());
+  fixture.run(0.8, [&] {
+    if (++step % 24 == 0)
+      for (int channel = 0; channel < channels; ++channel) {
+        std::vector<float> targets;
+        const double most = channel + 1 == channels ? 1.5 : 0.05;
+        for (int i = 0; i < surface.cell_count(); ++i)
+          targets.push_back(static_cast<float>(draw(0, most) * unit));
+        fixture.cells().set_targets(channel, targets);
+      }
+    for (const scene::ObjectId id : ids) {
+      const scene::ObjectState state = fixture.world().state(id);
+      for (const Eigen::Vector3d& v : {Eigen::Vector3d(state.position / unit),
+                                       Eigen::Vector3d(state.velocity / unit), state.angular_velocity})
+        for (const double x : v) track.push_back(static_cast<float>(x));
+    }
+  });
+  return track;
+}
+
+}  // namespace
+
+// Powers of two scale without rounding: no absolute length, speed or force decides anything.
+TEST(Scale, PowersOfTwoKeepTheBits) {
+  for (unsigned seed = 0; seed < 9; ++seed) {
+    const std::vector<float> reference = random_track(seed, 1.0);
+    for (const double unit : {0x1p-7, 0x1p10})
+      EXPECT_EQ(random_track(seed, unit), reference) << seed << " " << unit;
+  }
+}
+
 // A ball of twice the pitch rests on level cells at its radius, to 0.1 % of it.
 TEST(Scale, BallRestsOnTheSurfaceAtAnyUnitOfLength) {
   for (const double unit : {0.001, 0.01, 1.0, 1000.0})
@@ -155,8 +265,6 @@ TEST(Scale, ForceLimitsFollowTheUnit) {
     const double weight = 3.0 * kGravity * unit;
     fixture.scene.surface.actuators[0].values["max_force"] = {0.75 * weight / 16};
     derive_pin_spec(fixture.scene.surface);
-    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 0.8 * unit;
-    fixture.scene.surface.pin.length = 2 * unit;
     fixture.cells().set_targets(0, std::vector<float>(kCells * kCells, static_cast<float>(2 * unit)));
     for (int i = 0; i < 480; ++i) {
       fixture.cells().plan(fixture.scene.world.dt_s);

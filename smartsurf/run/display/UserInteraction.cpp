@@ -90,7 +90,7 @@ void UserInteraction::apply_fault(const view::Fault& fault, simulation::Simulati
     if (fault.kind == view::FaultKind::kDead)
       cell.targets[k] = static_cast<float>(own->safe_value);
     else if (own->name == kHeightChannel)
-      cell.targets[k] = simulation.snapshot().height[index];
+      cell.targets[k] = simulation.snapshot().height[index] - surface.base_height(index);
   }
   faulty_cells_.push_back(std::move(cell));
 }
@@ -107,8 +107,10 @@ bool UserInteraction::apply_poke(const std::optional<view::Poke>& poke, simulati
   const auto height = std::ranges::find(channels, kHeightChannel, &scene::ChannelData::name);
   if (!poke || height == channels.end()) return false;
   if (!poked_cell_) poked_cell_ = capture_targets(poke->row, poke->column, simulation);
+  const scene::SurfaceSpec& surface = simulation.scene().surface;
+  const float base = surface.base_height(surface.index(poke->row, poke->column));
   simulation.override_actuator_target(static_cast<int>(height - channels.begin()), poke->row, poke->column,
-                                      static_cast<float>(poke->height));
+                                      static_cast<float>(poke->height) - base);
   return true;
 }
 

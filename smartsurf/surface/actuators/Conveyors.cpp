@@ -67,7 +67,7 @@ class Conveyors final : public Actuator {
     for (std::size_t r = 0; r < rising_.size(); ++r)
       for (int i = runs()[r].begin; rising_[r] != 0 && i < runs()[r].end; ++i)
         field.height[i] = MotionProfile::advance(field.height[i], field.speed[i], target_height_[i],
-                                                 static_cast<float>(dt_s));
+                                                 static_cast<float>(dt_s), field.pitch);
   }
 
   bool has_surface_velocity() const noexcept override { return true; }

@@ -78,7 +78,7 @@ class Deltas final : public Actuator {
         const Vec target = target_of(i);
         for (int axis = 0; axis < 3; ++axis)
           position_[i][axis] =
-              MotionProfile::advance(position_[i][axis], velocity_[i][axis], target[axis], dt);
+              MotionProfile::advance(position_[i][axis], velocity_[i][axis], target[axis], dt, field.pitch);
         place(i, field);
       });
     }

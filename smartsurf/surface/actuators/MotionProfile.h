@@ -66,10 +66,10 @@ class MotionProfile {
   }
 
   // Returns the position after a step at that speed. Snaps to a target within rounding error, which the cell
-  // might otherwise never reach.
-  static float advance(float position, float speed, float target, float dt_s) {
+  // might otherwise never reach. unit: a pitch, or a radian where positions are angles.
+  static float advance(float position, float speed, float target, float dt_s, float unit = 1.0F) {
     const float next = position + speed * dt_s;
-    const float magnitude = std::abs(next), scale = magnitude > 1.0F ? magnitude : 1.0F;
+    const float magnitude = std::abs(next), scale = magnitude > unit ? magnitude : unit;
     return std::abs(target - next) <= 1e-6F * scale ? target : next;
   }
 

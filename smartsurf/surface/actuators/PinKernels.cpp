@@ -128,7 +128,7 @@ PinMotion plan_speeds_for_target(std::size_t n, const float* target, const float
   });
 }
 
-float advance_pins_for_target(std::size_t n, const float* target, const float* speed, float dt_s,
+float advance_pins_for_target(std::size_t n, const float* target, const float* speed, float dt_s, float unit,
                               float* heights) {
   return with_vectors_for(n, [=](auto d) HWY_ATTR {
     auto max_height = hn::Set(d, -std::numeric_limits<float>::infinity());
@@ -136,7 +136,7 @@ float advance_pins_for_target(std::size_t n, const float* target, const float* s
       const auto goal = hn::LoadU(d, target + i);
       const auto before = hn::LoadU(d, heights + i);
       const auto next = hn::Add(before, hn::Mul(hn::LoadU(d, speed + i), hn::Set(d, dt_s)));
-      const auto scale = hn::Max(hn::Abs(next), hn::Set(d, 1.0F));
+      const auto scale = hn::Max(hn::Abs(next), hn::Set(d, unit));
       const auto arrived = hn::Le(hn::Abs(hn::Sub(goal, next)), hn::Mul(hn::Set(d, 1e-6F), scale));
       const auto height = hn::IfThenElse(done, before, hn::IfThenElse(arrived, goal, next));
       hn::StoreU(height, d, heights + i);
@@ -193,9 +193,9 @@ PinMotion plan_speeds(std::size_t n, const float* target, const float* height, c
   return HWY_DYNAMIC_DISPATCH(plan_speeds_for_target)(n, target, height, profile, speed);
 }
 
-float advance_pins(std::size_t n, const float* target, const float* speed, float dt_s,
+float advance_pins(std::size_t n, const float* target, const float* speed, float dt_s, float unit,
                    float* height) noexcept {
-  return HWY_DYNAMIC_DISPATCH(advance_pins_for_target)(n, target, speed, dt_s, height);
+  return HWY_DYNAMIC_DISPATCH(advance_pins_for_target)(n, target, speed, dt_s, unit, height);
 }
 
 }  // namespace smartsurf::surface

@@ -43,8 +43,8 @@ struct PinMotion {
 PinMotion plan_speeds(std::size_t n, const float* target, const float* height, const MotionProfile&,
                       float* speed) noexcept;
 
-// Advances the heights by one step at their speeds. Returns the maximum height.
-float advance_pins(std::size_t n, const float* target, const float* speed, float dt_s,
+// Advances the heights by one step at their speeds. Returns the maximum height. unit: as of MotionProfile.
+float advance_pins(std::size_t n, const float* target, const float* speed, float dt_s, float unit,
                    float* height) noexcept;
 
 }  // namespace smartsurf::surface

@@ -107,7 +107,8 @@ class Pins final : public Actuator {
     for_each_moving_group(kCommitCost_ns, [&](std::size_t g) {
       const std::size_t i = groups_[g].cells.begin, n = length_of(groups_[g].cells);
       float& max_height = group_max_height_[g];
-      max_height = advance_pins(n, &target_[i], &field.speed[i], static_cast<float>(dt_s), &field.height[i]);
+      max_height = advance_pins(n, &target_[i], &field.speed[i], static_cast<float>(dt_s), field.pitch,
+                                &field.height[i]);
       if (!force_limit_) return;
       for (std::size_t k = i; k < i + n; ++k) {
         field.height[k] = std::max(field.height[k], lower_stop(k));

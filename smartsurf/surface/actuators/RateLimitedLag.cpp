@@ -11,6 +11,7 @@ RateLimitedLag::RateLimitedLag(const ActuatorContext& context, float start, doub
       lag_s_(lag_s),
       value_(context.field.cells(), start),
       target_(value_),
+      arrival_(value_.size(), 0.0F),
       moving_(runs_.size(), 0),
       changed_(runs_.size(), 0) {}
 
@@ -18,6 +19,8 @@ void RateLimitedLag::set_targets(std::span<const float> targets) noexcept {
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     int any_moving = 0;  // compilers vectorise this loop, not that of a bool
     for (int i = runs_[r].begin; i < runs_[r].end; ++i) {
+      const float arrival = kArrival * std::max(std::abs(targets[i]), std::abs(value_[i]));
+      arrival_[i] = targets[i] != target_[i] ? arrival : arrival_[i];
       target_[i] = targets[i];
       any_moving |= target_[i] != value_[i] ? 1 : 0;
     }
@@ -42,11 +45,10 @@ void RateLimitedLag::step(double dt_s) noexcept {
 void RateLimitedLag::step_run(std::size_t run, float lag_fraction, float max_change) noexcept {
   bool any_moving = false;
   for (int i = runs_[run].begin; i < runs_[run].end; ++i) {
-    const float distance = target_[i] - value_[i];
-    const float next = value_[i] + std::clamp(distance * lag_fraction, -max_change, max_change);
-    // Snap to the target: the exponential alone would never reach it.
-    const float scale = std::max(1.0F, std::abs(target_[i]));
-    value_[i] = std::abs(target_[i] - next) <= 1e-6F * scale ? target_[i] : next;
+    const float change = (target_[i] - value_[i]) * lag_fraction;
+    const float next = value_[i] + std::clamp(change, -max_change, max_change);
+    const bool is_stopped = next == value_[i] && std::abs(change) < max_change;
+    value_[i] = is_stopped || std::abs(target_[i] - next) <= arrival_[i] ? target_[i] : next;
     any_moving |= value_[i] != target_[i];
   }
   moving_[run] = any_moving;

@@ -67,7 +67,8 @@ class TiltingTiles final : public Actuator {
     for (std::size_t r = 0; r < runs_.size(); ++r)
       for (int i = runs_[r].begin; motion_.is_moving(r) && i < runs_[r].end; ++i) {
         const TopTilt& rate = field.tilt_rate[i];
-        field.height[i] = MotionProfile::advance(field.height[i], field.speed[i], target_[kHeave][i], dt);
+        field.height[i] =
+            MotionProfile::advance(field.height[i], field.speed[i], target_[kHeave][i], dt, field.pitch);
         tilt_[i] = {MotionProfile::advance(tilt_[i].roll, rate.roll, target_[kRoll][i], dt),
                     MotionProfile::advance(tilt_[i].pitch, rate.pitch, target_[kPitch][i], dt)};
         field.tilt[i] = tilt_[i];

@@ -19,7 +19,7 @@ struct Pull {
 // Holds a cell at a height.
 struct Poke {
   int row = 0, column = 0;
-  double height = 0.0;  // u
+  double height = 0.0;  // z of the top, u
 };
 
 enum class FaultKind { kNone, kStuck, kDead };

@@ -20,8 +20,8 @@ namespace smartsurf::world {
 namespace {
 
 constexpr int kIterations = 100;             // of the solver, per substep
-constexpr double kConverged = 1e-8;          // greatest change of a contact's velocity in an iteration, u/s
-constexpr double kRestitutionSpeed = 0.2;    // u/s; slower impacts do not bounce
+constexpr double kConverged = 1e-8;          // most change of a contact's velocity in an iteration, pitches/s
+constexpr double kRestitutionSpeed = 0.2;    // pitches/s; slower impacts do not bounce
 constexpr double kMinTopNormalZ = 0.5;       // a contact with a smaller vertical part is with a cell's side
 constexpr double kMinLimitedNormalZ = 0.05;  // a contact with a smaller vertical part does not load the cell
 // A contact with a cell is with an edge if its normal is between these.
@@ -154,7 +154,7 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
   world.before_solving = [this] { prepare_contacts(); };
   btContactSolverInfo& info = world.getSolverInfo();
   info.m_numIterations = kIterations;
-  info.m_leastSquaresResidualThreshold = kConverged * kConverged;
+  info.m_leastSquaresResidualThreshold = std::pow(kConverged * scene.surface.pitch, 2);
   info.m_solverMode =
       SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS | SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;
   info.m_warmstartingFactor = 1.0;
@@ -306,7 +306,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
                                       b.getVelocityInLocalPoint(at - b.getCenterOfMassPosition());
   const btScalar approach = -relative_velocity.dot(p.m_normalWorldOnB);
   const double restitution = std::max(sa.restitution, sb.restitution);
-  const bool bounces = restitution > 0.0 && approach > kRestitutionSpeed;
+  const bool bounces = restitution > 0.0 && approach > kRestitutionSpeed * static_cast<double>(field.pitch);
   p.m_combinedRestitution = bounces ? restitution : 0.0;
   p.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED | BT_CONTACT_FLAG_HAS_CONTACT_CFM;
   const btScalar mobility = a.getInvMass() + b.getInvMass();

@@ -3,6 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <random>
 
 #include "smartsurf/mesh/MassProperties.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
@@ -114,6 +118,103 @@ TEST(MakeSolid, IsDeterministic) {
   for (std::size_t i = 0; i < a.hulls.size(); ++i) {
     EXPECT_EQ(a.hulls[i].vertices, b.hulls[i].vertices);
     EXPECT_EQ(a.hulls[i].face_vertices, b.hulls[i].face_vertices);
+  }
+}
+
+// The largest difference of two solids as a whole, relative to their size.
+double difference(const scene::Solid& a, const scene::Solid& b) {
+  const double size = b.bounding_radius;
+  double worst =
+      std::max({std::abs(a.volume - b.volume) / b.volume, (a.inertia - b.inertia).norm() / b.inertia.norm(),
+                (a.centroid - b.centroid).norm() / (size + b.centroid.norm()),
+                std::abs(double{a.bounding_radius} - size) / size});
+  const auto compare = [&](double x, double y) { worst = std::max(worst, std::abs(x - y) / size); };
+  const auto reach = [](const scene::Solid& solid, const Eigen::Vector3f& direction) {
+    float hulls = -1e9F, mesh = -1e9F;
+    for (const scene::ConvexHull& hull : solid.hulls)
+      for (const Eigen::Vector3f& v : hull.vertices) hulls = std::max(hulls, v.dot(direction));
+    for (const Eigen::Vector3f& v : solid.vertices) mesh = std::max(mesh, v.dot(direction));
+    return std::pair{hulls, mesh};
+  };
+  std::mt19937 random(2);
+  std::normal_distribution<float> normal;
+  for (int i = 0; i < 40; ++i) {
+    const auto direction = Eigen::Vector3f(normal(random), normal(random), normal(random)).normalized();
+    const auto [hulls_a, mesh_a] = reach(a, direction);
+    const auto [hulls_b, mesh_b] = reach(b, direction);
+    compare(hulls_a, hulls_b), compare(mesh_a, mesh_b);
+  }
+  for (int i = 0; i < 3; ++i)
+    compare(a.bounds_min[i], b.bounds_min[i]), compare(a.bounds_max[i], b.bounds_max[i]);
+  return worst;
+}
+
+// The same hulls, bit for bit.
+void expect_same_hulls(const scene::Solid& a, const scene::Solid& b) {
+  ASSERT_EQ(a.hulls.size(), b.hulls.size());
+  for (std::size_t i = 0; i < a.hulls.size(); ++i) {
+    const scene::ConvexHull &x = a.hulls[i], &y = b.hulls[i];
+    EXPECT_EQ(x.vertices, y.vertices);
+    EXPECT_EQ(x.face_vertices, y.face_vertices);
+    EXPECT_EQ(x.edges, y.edges);
+    EXPECT_EQ(x.bounds_min, y.bounds_min);
+    EXPECT_EQ(x.bounds_max, y.bounds_max);
+    EXPECT_EQ(x.unique_normals, y.unique_normals);
+    EXPECT_EQ(x.unique_edge_directions, y.unique_edge_directions);
+    const auto same = [](const scene::ConvexHull::Face& f, const scene::ConvexHull::Face& g) {
+      return f.normal == g.normal && f.offset == g.offset && f.first_vertex == g.first_vertex &&
+             f.vertex_count == g.vertex_count;
+    };
+    EXPECT_TRUE(std::ranges::equal(x.faces, y.faces, same));
+  }
+}
+
+// Builds the solid of an object made larger by the factor.
+using Builder = std::function<scene::Solid(double)>;
+
+// Hulls of points about a sphere, compounds of such, boxes and decomposed meshes.
+std::vector<Builder> random_builders(std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const auto points = [&] {
+    std::vector<Eigen::Vector3d> all(12);
+    const Eigen::Vector3d centre(normal(random), normal(random), normal(random));
+    for (auto& p : all)
+      p = centre + Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
+    return all;
+  };
+  const auto larger = [](std::vector<Eigen::Vector3d> all, double factor) {
+    for (auto& p : all) p *= factor;
+    return all;
+  };
+  const auto of_mesh = [larger](const TriangleMesh& mesh) -> Builder {
+    return [=](double factor) {
+      std::vector<std::string> notes;
+      return build_solid({larger(mesh.points, factor), mesh.triangles}, {}, notes);
+    };
+  };
+  std::vector<Builder> builders{of_mesh(l_mesh()), of_mesh(torus(3.0, 1.0, 8, 6)),
+                                of_mesh(box_mesh(Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(1.5, 4, 4)))};
+  for (int i = 0; i < 10; ++i) {
+    builders.emplace_back(
+        [larger, hull = points()](double factor) { return build_hull_solid(larger(hull, factor)); });
+    builders.emplace_back([larger, a = points(), b = points()](double factor) {
+      return build_compound(std::vector{larger(a, factor), larger(b, factor)});
+    });
+  }
+  return builders;
+}
+
+TEST(ScaledSolid, IsTheSolidOfScaledPoints) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> exponent(-6.0, 6.0);
+  for (const Builder& build : random_builders(random)) {
+    const scene::Solid solid = build(1.0);
+    const double factor = std::exp(exponent(random));
+    EXPECT_LT(difference(scaled(solid, factor), build(factor)), 1e-5) << factor;
+    EXPECT_LT(difference(scaled(scaled(solid, factor), 1.0 / factor), solid), 1e-5) << factor;
+    const double exact = std::exp2(std::round(exponent(random)));
+    EXPECT_EQ(difference(scaled(solid, exact), build(exact)), 0.0) << exact;
+    expect_same_hulls(scaled(solid, exact), build(exact));
   }
 }
 

@@ -9,7 +9,7 @@ script::Experiment experiment() {
   script::LoadOptions options;
   options.source = R"(
 world { control_period = 1/60, dt = 1/240 }
-surface { rows = 16, columns = 16, actuator = pin {} }
+surface { rows = 16, columns = 16, actuator = pin {}, base = function(r, c) return r == 5 and c == 6 and 1 or 0 end }
 sphere { radius = 1, position = {8, 8, 1}, label = 'ball' }
 box { size = {1, 1, 1}, position = {3, 3, 0.5}, fixed = true }
 )";
@@ -67,7 +67,7 @@ TEST_F(UserInteractionTest, PokedCellRisesAndReturnsToItsTarget) {
   EXPECT_FLOAT_EQ(height(4, 6), 0.0f);
   requests.poke->column = 6;
   for (int i = 0; i < 60; ++i) tick();
-  EXPECT_FLOAT_EQ(height(4, 5), 0.0f);
+  EXPECT_FLOAT_EQ(height(4, 5), 1.0f) << "its base";
   EXPECT_FLOAT_EQ(height(4, 6), 3.0f);
   requests.poke.reset();
   for (int i = 0; i < 60; ++i) tick();
@@ -83,13 +83,13 @@ TEST_F(UserInteractionTest, FaultyCellIgnoresTargetsUntilRepaired) {
   EXPECT_TRUE(tick());
   command(5.0f);
   for (int i = 0; i < 60; ++i) EXPECT_TRUE(tick());
-  EXPECT_FLOAT_EQ(height(), 2.0f) << "stuck at its height";
+  EXPECT_FLOAT_EQ(height(), 3.0f) << "stuck at its height";
   requests.faults = {{4, 5, view::FaultKind::kDead}};
   for (int i = 0; i < 60; ++i) tick();
-  EXPECT_FLOAT_EQ(height(), 0.0f);
+  EXPECT_FLOAT_EQ(height(), 1.0f);
   requests.faults = {{4, 5, view::FaultKind::kNone}};
   for (int i = 0; i < 60; ++i) tick();
-  EXPECT_FLOAT_EQ(height(), 2.0f) << "target before the fault";
+  EXPECT_FLOAT_EQ(height(), 3.0f) << "target before the fault";
   EXPECT_FALSE(tick());
 }
 

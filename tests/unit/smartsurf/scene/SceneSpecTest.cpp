@@ -48,6 +48,26 @@ TEST(SurfaceSpec, IndexAndCentreFollowConvention) {
   EXPECT_FALSE(s.is_border(1, 2));
 }
 
+// The base raises the pins once, whether the surface names them or not, however often `pin` is derived.
+TEST(SurfaceSpec, BaseRaisesNoChannel) {
+  for (const bool named : {false, true}) {
+    SurfaceSpec s;
+    s.rows = 1, s.columns = 2;
+    s.base_heights = {-1.0F, 2.5F};
+    if (named) s.actuators = {make_pin_actuator({})};
+    for (int times = 0; times < 3; ++times) {
+      derive_pin_spec(s);
+      EXPECT_EQ(s.pin.min_height, -1.0);
+      EXPECT_EQ(s.pin.max_height, 8.5);
+      EXPECT_EQ(s.effective_actuators()[0].numbers("range"), (std::vector<double>{0, 6}));
+      const ActuatorChannel height = s.actuator_channels().at(0);
+      EXPECT_EQ(height.minimum, 0.0);
+      EXPECT_EQ(height.maximum, 6.0);
+      EXPECT_EQ(height.safe_value, 0.0);
+    }
+  }
+}
+
 TEST(SurfaceSpec, ErrorsNameTheField) {
   SurfaceSpec s;
   EXPECT_EQ(validate(s), "");

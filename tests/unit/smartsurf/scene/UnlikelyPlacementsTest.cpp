@@ -126,6 +126,32 @@ TEST(UnlikelyPlacements, TellsOfCellsBorderAndGaps) {
   EXPECT_GT(small, 50);
 }
 
+// A box a share of its edge deep in the lowest cells: of pins with a base, of the default ones with a base,
+// or of a lower border.
+TEST(UnlikelyPlacements, MeasuresFromTheLowestTop) {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> height(-2, 5), share(0, 0.5);
+  for (int round = 0; round < 300; ++round) {
+    SceneSpec scene = scene_of({box_at({4, 4, 0}, {2, 2, 1})});
+    SurfaceSpec& s = scene.surface;
+    double lowest = 0.0;
+    if (round % 3 == 0) s.actuators = {make_pin_actuator({.min_height = lowest = height(random)})};
+    double least = 9.0;
+    for (int i = 0; i < s.cell_count(); ++i) {
+      s.base_heights.push_back(static_cast<float>(height(random)));
+      least = std::min(least, static_cast<double>(s.base_heights.back()));
+    }
+    lowest += least;
+    if (round % 5 == 0) lowest = *(s.border_height = lowest - 0.5);
+    derive_pin_spec(s);
+    const double depth = share(random);
+    scene.objects[0].position.z() = lowest + 0.5 - depth;
+    if (std::abs(depth - 0.25) > 1e-3) {
+      EXPECT_EQ(tells(scene, "inside the cells"), depth > 0.25) << depth;
+    }
+  }
+}
+
 TEST(UnlikelyPlacements, TestsConesByABall) {
   ObjectSpec cone = sphere_at(4, 4, 4, 1);
   cone.shape = ShapeKind::kCone;

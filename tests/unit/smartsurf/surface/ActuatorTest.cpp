@@ -477,6 +477,56 @@ TEST(ActuatorArray, SupportsMixedModelsAndEmptyCells) {
   EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "the ball cell must ignore pin commands";
 }
 
+// Force fields with a lag, from rest and from another force: the exponential, in any unit of force with the
+// same bits, and the command itself in the end.
+TEST(ForceFields, LagIsThatOfAnyUnitOfForce) {
+  std::mt19937 random(3);
+  const auto draw = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  scene::ObjectSpec box;
+  box.shape = scene::ShapeKind::kBox;
+  for (int round = 0; round < 60; ++round) {
+    const double lag = std::exp(draw(-5.0, 1.5));
+    const auto first = static_cast<float>(draw(-1.0, 1.0)),
+               second = round % 3 == 0 ? 0.0F : static_cast<float>(draw(-1.0, 1.0));
+    const auto track = [&](double unit) {
+      Cells cells(surface_of({actuator("force_field", {{"lag", {lag}}, {"max_force", {1e6}}})}, 1, 1));
+      std::vector<double> forces;
+      for (const float command : {first, second}) {
+        cells.command(0, static_cast<float>(command * unit));
+        for (int step = 0; step < 40; ++step) {
+          cells.run(kDt);
+          forces.push_back(static_cast<double>(cells.wrench(box, {0, 0, 0.5F}).force.x()) / unit);
+        }
+      }
+      cells.run(25.0 * lag);
+      forces.push_back(static_cast<double>(cells.wrench(box, {0, 0, 0.5F}).force.x()) / unit);
+      return forces;
+    };
+    const std::vector<double> forces = track(1.0);
+    const double share = -std::expm1(-40.0 * kDt / lag);
+    EXPECT_NEAR(forces[39], static_cast<double>(first) * share, 3e-6);
+    EXPECT_NEAR(forces[79], forces[39] + (static_cast<double>(second) - forces[39]) * share, 3e-6);
+    EXPECT_EQ(forces.back(), static_cast<double>(second)) << lag;
+    for (const double unit : {0x1p-40, 0x1p-20, 0x1p18}) EXPECT_EQ(track(unit), forces) << lag << " " << unit;
+  }
+}
+
+TEST(ActuatorArray, PinsOfASurfaceWithoutActuatorsStandOnTheirBase) {
+  scene::SurfaceSpec s;
+  s.rows = 1, s.columns = 3;
+  s.base_heights = {2, -1, 0.5F};
+  derive_pin_spec(s);
+  Cells cells(s);
+  EXPECT_EQ(cells.field().height, s.base_heights);
+  cells.run(1);
+  EXPECT_EQ(cells.field().height, s.base_heights);
+  cells.command(0, 4);
+  cells.run(2);
+  EXPECT_EQ(cells.field().height, (std::vector<float>{6, 3, 4.5F}));
+}
+
 TEST(ActuatorArray, DelaysCommandsByLatency) {
   scene::SurfaceSpec s =
       surface_of({actuator("ball", {{"latency", {3}}, {"max_acceleration", {1e6}}, {"radius", {1}}})}, 1, 1);

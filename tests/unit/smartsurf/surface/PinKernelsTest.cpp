@@ -120,11 +120,12 @@ TEST(PinKernels, AdvancePinsMatchesScalarLaw) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
+      const float unit = n % 2 == 0 ? 1.0F : 1e3F;
       for (std::size_t i = 0; i < n; i += 3) p.speed[i] = (p.target[i] - p.height[i]) / kPinStep;
       std::vector<float> expected = p.height;
       for (std::size_t i = 0; i < n; ++i)
-        expected[i] = MotionProfile::advance(p.height[i], p.speed[i], p.target[i], kPinStep);
-      const float highest = advance_pins(n, p.target.data(), p.speed.data(), kPinStep, p.height.data());
+        expected[i] = MotionProfile::advance(p.height[i], p.speed[i], p.target[i], kPinStep, unit);
+      const float highest = advance_pins(n, p.target.data(), p.speed.data(), kPinStep, unit, p.height.data());
       ASSERT_TRUE(same_bits(p.height, expected)) << n;
       ASSERT_EQ(highest, *std::ranges::max_element(expected)) << n;
     }
