@@ -174,16 +174,16 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   if (field_contacts > 1 && !bodies.is_sphere[i]) find_support(bodies, i, margin, field_contacts, results);
 }
 
-// Moves the points of a body's contacts with what is static. On cells only those of an eccentric body leave
-// their place on it.
+// Moves the points of a body's contacts with what is static. On cells those of a sphere stay below its
+// centre.
 void CollisionPipeline::move_static_points(const BodyStore& bodies, std::size_t i,
                                            std::span<Contact> contacts) const {
-  const bool is_eccentric = !bodies.is_sphere[i] && !bodies.origin_offset[i].isZero(0.0F);
+  const bool rolls_on_cells = !bodies.is_sphere[i] && may_roll(bodies, i);
   for (Contact& c : contacts) {
     const auto other = static_cast<std::size_t>(c.partner);
     if (c.touches_body() && !bodies.is_sphere[i] && may_roll(bodies, other))
       move_rolling_points(bodies, i, other, mean_substep_start_s_, {&c, 1});
-    else if (is_eccentric && may_roll(bodies, i))
+    else if (rolls_on_cells)
       move_rolling_points(bodies, i, std::nullopt, mean_substep_start_s_, {&c, 1});
   }
 }

@@ -1,5 +1,5 @@
-// Bodies that roll on bodies, against closed forms and integrated equations of motion: what rolls without
-// rolling friction neither gains nor loses energy.
+// Bodies that roll on bodies and on cells, against closed forms and integrated equations of motion: what
+// rolls without rolling friction neither gains nor loses energy.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -18,7 +18,7 @@ namespace {
 constexpr double kMiddle = 15.0;
 
 // By the frequency of the steps.
-class RollingOnBodies : public testing::TestWithParam<int> {
+class RollingScenes : public testing::TestWithParam<int> {
  protected:
   template <class Run>
   void draw_scenes(unsigned seed, int draws, Run run) const {
@@ -28,7 +28,10 @@ class RollingOnBodies : public testing::TestWithParam<int> {
     });
   }
 };
+class RollingOnBodies : public RollingScenes {};
 INSTANTIATE_TEST_SUITE_P(Steps, RollingOnBodies, testing::Values(60, 120, 240, 960));
+class RollingOnCells : public RollingScenes {};
+INSTANTIATE_TEST_SUITE_P(Steps, RollingOnCells, testing::Values(60, 120, 240, 960));
 
 // Turns the axis of a round body from z to y.
 ObjectSpec lying(ObjectSpec body) {
@@ -132,5 +135,77 @@ TEST_P(RollingOnBodies, SlabsTakeRollersAlong) {
     EXPECT_NEAR(static_cast<double>(scene.velocity(roller_first ? first : second).x()), u * c / (1 + c),
                 0.003 * u)
         << (is_ball ? "ball " : "cylinder ") << radius;
+  });
+}
+
+// A cone that lies on its side rolls about its apex at a constant rate.
+TEST_P(RollingOnCells, ConesRollAboutTheirApex) {
+  draw_scenes(34, 9, [](PhysicsFixture& scene, const auto& draw) {
+    const double height = draw(1, 3), radius = draw(0.3, 1) * height, rate = draw(-0.7, 0.7),
+                 towards = draw(0, 2 * M_PI), half_angle = std::atan2(radius, height);
+    const Vector3d line(std::cos(towards), std::sin(towards), 0),
+        axis = -std::cos(half_angle) * line - std::sin(half_angle) * Vector3d::UnitZ();
+    ObjectSpec body = cone(radius, height, Vector3d(kMiddle, kMiddle, 0) - 0.75 * height * axis);
+    body.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
+    body.velocity = -0.75 * height * rate * Vector3d::UnitZ().cross(axis);
+    body.angular_velocity = -rate / std::tan(half_angle) * line;
+    scene.add(body);
+    scene.run(6.0);
+    const auto v = scene.velocity(0).cast<double>();
+    const double arm = 0.75 * height * std::cos(half_angle);
+    EXPECT_NEAR(v.head<2>().norm() / arm, std::abs(rate), 0.02 * std::abs(rate) + 0.002)
+        << "height " << height << ", radius " << radius << ", rate " << rate;
+  });
+}
+
+// A disc that leans rolls in a circle. Its axis, the vertical and the lever to the rim are in one plane, and
+// the torque of the rim's force turns the angular momentum with that plane.
+TEST_P(RollingOnCells, LeaningDiscsRollInCircles) {
+  draw_scenes(35, 9, [](PhysicsFixture& scene, const auto& draw) {
+    const double lean = draw(0.2, 0.45), rate = draw(1, 1.6), radius = draw(0.8, 1.5),
+                 height = draw(0.25, 0.5);  // more than the gaps between tops
+    const Vector3d up = Vector3d::UnitZ(), axis(std::cos(lean), 0, std::sin(lean)),
+                   to_rim = radius * Vector3d(std::sin(lean), 0, -std::cos(lean)) - 0.5 * height * axis;
+    const double along_axis = 0.5 * radius * radius,
+                 across = 0.25 * radius * radius + height * height / 12;  // moments of inertia by mass
+    const auto angular_velocity = [&](double spin) -> Vector3d { return rate * up + spin * axis; };
+    const auto velocity = [&](double spin) -> Vector3d { return -angular_velocity(spin).cross(to_rim); };
+    const auto unbalance = [&](double spin) {
+      const Vector3d w = angular_velocity(spin), force(-rate * velocity(spin).y(), 0, kGravity);
+      const Vector3d momentum = across * w + (along_axis - across) * w.dot(axis) * axis;
+      return (to_rim.cross(force) - rate * up.cross(momentum)).y();
+    };
+    const double spin = unbalance(0) / (unbalance(0) - unbalance(1));  // it is linear
+    ObjectSpec disc = cylinder(radius, height, {kMiddle + velocity(spin).y() / rate, kMiddle, -to_rim.z()});
+    disc.orientation = Eigen::Quaterniond::FromTwoVectors(up, axis);
+    disc.velocity = velocity(spin), disc.angular_velocity = angular_velocity(spin);
+    scene.add(disc);
+    scene.run(1.0);
+    EXPECT_NEAR(std::asin(z_axis_of(scene, 0).z()), lean, 1.2 / GetParam())
+        << "lean " << lean << ", rate " << rate << ", radius " << radius << ", height " << height;
+  });
+}
+
+// Its velocity is that of its motion: a disc that touches is not held in the air.
+TEST_P(RollingOnCells, ThrownDiscsMoveUntilTheyRest) {
+  draw_scenes(36, 6, [](PhysicsFixture& scene, const auto& draw) {
+    ObjectSpec disc = cylinder(1, draw(0.05, 0.3), {kMiddle, kMiddle, draw(2, 4)});
+    for (Vector3d* vector : {&disc.velocity, &disc.angular_velocity})
+      *vector = Vector3d(draw(-4, 4), draw(-4, 4), draw(-4, 4));
+    disc.velocity.z() = 0;
+    disc.orientation = Eigen::Quaterniond(draw(-1, 1), draw(-1, 1), draw(-1, 1), draw(-1, 1)).normalized();
+    scene.add(disc);
+    const double dt_s = scene.scene.world.dt_s;
+    Eigen::Vector3f before = Eigen::Vector3f::Zero();
+    double held_s = 0;
+    scene.run(4.0, [&] {
+      const Eigen::Vector3f at = scene.position(0);
+      held_s =
+          (at - before).norm() < 0.02F * scene.velocity(0).norm() * dt_s && scene.velocity(0).norm() > 0.5F
+              ? held_s + dt_s
+              : 0.0;
+      before = at;
+      EXPECT_LT(held_s, 0.05) << "at " << at.transpose() << " with " << scene.velocity(0).transpose();
+    });
   });
 }

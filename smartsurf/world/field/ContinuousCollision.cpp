@@ -7,6 +7,9 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kAllowedPenetration = 0.005F;  // u
+// How much deeper a body may get in a step that touches already. With none, one that slides into a gap stops
+// wherever it is, and keeps the velocity that its contacts leave it; those push it out again.
+constexpr float kAllowedGrowth = 0.0025F;  // u
 constexpr int kMaxSweepSteps = 64, kBisections = 6;
 
 // The motion of one body during the step; fraction 0 is its start, 1 its end.
@@ -72,7 +75,7 @@ float fraction_until_impact(const FieldCollider& field, const BodyStore& bodies,
   if (!sweep.may_hit_field()) return kAll;
   // Advance by at most half a column per step, so that no column is skipped.
   const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / field.min_half_top()));
-  const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F));
+  const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F) + kAllowedGrowth);
   for (int i = 1; i <= steps; ++i) {
     const float end = static_cast<float>(i) / static_cast<float>(steps);
     if (sweep.penetration_at(end) > allowed)

@@ -30,6 +30,19 @@ float max_travel(const BodyStore& bodies, std::size_t i) {
              ? std::min(kMaxAxisymmetricTravel, kAxisymmetricTravelFraction * bodies.bounding_radius[i])
              : std::min(kMaxTravel, kTravelFraction * bodies.bounding_radius[i]);
 }
+// Axes of a shape of revolution that has turned since it had the cached ones: turned about its z, so that the
+// same side is the lowest. As it rolls or wobbles, its points stay on that side. Of a shape that stands
+// upright none is the lowest.
+Mat3 axes_of_same_side(const Mat3& axes, const Mat3& cached) {
+  constexpr float kMinTilt = 0.01F;  // rad
+  const float x = axes(2, 0), y = axes(2, 1), cached_x = cached(2, 0), cached_y = cached(2, 1);
+  const float scale = std::sqrt((x * x + y * y) * (cached_x * cached_x + cached_y * cached_y));
+  if (!(scale > kMinTilt * kMinTilt)) return axes;
+  const float cosine = (x * cached_x + y * cached_y) / scale, sine = (cached_x * y - cached_y * x) / scale;
+  Mat3 turned;
+  turned << cosine * axes.col(0) + sine * axes.col(1), cosine * axes.col(1) - sine * axes.col(0), axes.col(2);
+  return turned;
+}
 float max_slip(float bounding_radius) { return std::min(kMaxSlip, kSlipFraction * bounding_radius); }
 
 }  // namespace
@@ -55,9 +68,9 @@ void FieldManifoldCache::build_index(int bodies) {
 
 // True if neither the part of the body near the cells has moved too far relative to any of them, nor level
 // cells relative to each other. A cell that moves down cannot cause a new contact.
-bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, float margin,
+bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, const Mat3& axes, float margin,
                                   const CachedManifold& cached) const {
-  const Mat3 rotation = bodies.axes[i] * cached.axes.transpose() - Mat3::Identity();
+  const Mat3 rotation = axes * cached.axes.transpose() - Mat3::Identity();
   const Vec3 translation = bodies.origin(i) - cached.centre + rotation * (cached.near_centre - cached.centre);
   const Vec3 rotation_slack = turned_extents(rotation, cached.near_half_extents);
   const float max_motion = std::min(max_travel(bodies, i), cached.clearance - margin);
@@ -172,9 +185,12 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
                                  std::span<const Contact> previous, ChunkCache& chunk_cache,
                                  std::vector<Contact>& out) const {
   const CachedManifold* cached = manifold_of_body_[i];
-  if (cached && is_valid(bodies, i, margin, *cached)) {
+  const Mat3 axes =
+      cached && bodies.is_axisymmetric[i] ? axes_of_same_side(bodies.axes[i], cached->axes) : bodies.axes[i];
+  if (cached && is_valid(bodies, i, axes, margin, *cached)) {
     reuse(*cached, chunk_cache);
-    if (reduce(bodies, i, margin, max_slip(bodies.bounding_radius[i]), previous, chunk_cache, out)) return;
+    if (reduce(bodies, i, axes, margin, max_slip(bodies.bounding_radius[i]), previous, chunk_cache, out))
+      return;
     chunk_cache.points.resize(chunk_cache.manifolds.back().first_point);
     chunk_cache.heights.resize(chunk_cache.manifolds.back().first_height);
     chunk_cache.manifolds.pop_back();
@@ -190,21 +206,21 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   const float max_height = columns.max_height(cells);
   if (centre.z() - extent.z() > max_height) return;
   rebuild(bodies, i, wide_margin, cells, max_height, chunk_cache);
-  reduce(bodies, i, margin, kNoLimit, previous, chunk_cache, out);
+  reduce(bodies, i, bodies.axes[i], margin, kNoLimit, previous, chunk_cache, out);
 }
 
 // Updates the separations of the cached points and appends a reduced manifold per plane of each part. Returns
 // false and appends nothing if the body has slipped too far at any point: each pair of points was aligned
 // along its normal when cached. Likewise if it has come so near to a column that it may miss that another
 // normal is to be found.
-bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float margin, float slip_limit,
-                                std::span<const Contact> previous, const ChunkCache& chunk_cache,
-                                std::vector<Contact>& out) const {
+bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, const Mat3& axes, float margin,
+                                float slip_limit, std::span<const Contact> previous,
+                                const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
   const Columns columns(field_, bodies.width[i]);
   const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
-  const float lowest = lowest_point(*bodies.shape[i], centre, bodies.axes[i]);
+  const float lowest = lowest_point(*bodies.shape[i], centre, axes);
   auto height_change = [&](const CachedPoint& p) { return field_.column_height()[p.cell] - p.top; };
   float slip_squared = 0.0F;  // the greatest, u²
   bool may_have_missed = false;
@@ -216,7 +232,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
            end_of_plane->part_index == begin_of_plane->part_index &&
            end_of_plane->plane == begin_of_plane->plane;
          ++end_of_plane) {
-      const Vec3 on_body = centre + bodies.axes[i] * end_of_plane->on_body;
+      const Vec3 on_body = centre + axes * end_of_plane->on_body;
       const Vec3 offset = on_body - end_of_plane->on_cell - Vec3(0, 0, height_change(*end_of_plane));
       const float separation = end_of_plane->normal.dot(offset);
       slip_squared = std::max(slip_squared, offset.squaredNorm() - separation * separation);

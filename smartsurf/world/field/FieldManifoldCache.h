@@ -71,13 +71,14 @@ class FieldManifoldCache {
     float low, high;
   };
 
-  bool is_valid(const BodyStore&, std::size_t body, float margin, const CachedManifold&) const;
+  bool is_valid(const BodyStore&, std::size_t body, const Mat3& axes, float margin,
+                const CachedManifold&) const;
   HeightChange height_change_since(const CachedManifold&) const;
   bool level_cells_separated(const CachedManifold&) const;
   void rebuild(const BodyStore&, std::size_t body, float margin, const CellRange& cells, float max_height,
                ChunkCache& chunk_cache) const;
   void reuse(const CachedManifold&, ChunkCache& chunk_cache) const;
-  bool reduce(const BodyStore&, std::size_t body, float margin, float slip_limit,
+  bool reduce(const BodyStore&, std::size_t body, const Mat3& axes, float margin, float slip_limit,
               std::span<const Contact> previous, const ChunkCache& chunk_cache,
               std::vector<Contact>& out) const;
 
