@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "smartsurf/scene/Axes.h"
 #include "tests/property/PhysicsFixture.h"
 #include "tests/property/Swing.h"
 
@@ -146,7 +147,7 @@ TEST_P(RollingOnCells, ConesRollAboutTheirApex) {
     const Vector3d line(std::cos(towards), std::sin(towards), 0),
         axis = -std::cos(half_angle) * line - std::sin(half_angle) * Vector3d::UnitZ();
     ObjectSpec body = cone(radius, height, Vector3d(kMiddle, kMiddle, 0) - 0.75 * height * axis);
-    body.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
+    body.orientation = smartsurf::scene::rotation_between(Vector3d::UnitZ(), axis);
     body.velocity = -0.75 * height * rate * Vector3d::UnitZ().cross(axis);
     body.angular_velocity = -rate / std::tan(half_angle) * line;
     scene.add(body);
@@ -177,7 +178,7 @@ TEST_P(RollingOnCells, LeaningDiscsRollInCircles) {
     };
     const double spin = unbalance(0) / (unbalance(0) - unbalance(1));  // it is linear
     ObjectSpec disc = cylinder(radius, height, {kMiddle + velocity(spin).y() / rate, kMiddle, -to_rim.z()});
-    disc.orientation = Eigen::Quaterniond::FromTwoVectors(up, axis);
+    disc.orientation = smartsurf::scene::rotation_between(up, axis);
     disc.velocity = velocity(spin), disc.angular_velocity = angular_velocity(spin);
     scene.add(disc);
     scene.run(1.0);
