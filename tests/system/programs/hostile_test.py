@@ -445,6 +445,16 @@ class Liveness(Hostile):
             self.wait_for(lambda: self.words("claim") == 0, "the surface to notice")
         self.assertIsNone(surface.poll())
 
+    def test_a_cut_segment_ends_both_sides_with_one_line(self):
+        for flags in ((), ("--unsafe",)):
+            surface, controller = self.start_surface(*flags), self.start_controller()
+            os.truncate(self.segment(), 0)
+            for child in (surface, controller):
+                status, _, err = self.finish(child)
+                self.assertIn(status, (1, 3) if child is controller else (1,), err)
+                self.assertRegex(err.splitlines()[-1], "another process has cut the shared memory|surface", err)
+            self.assertFalse(self.segment().exists())
+
     def test_surface_without_its_name_advises_nothing(self):
         surface = self.start_surface()
         self.segment().unlink()
