@@ -507,9 +507,9 @@ class RecordingLoss(Hostile):
         return err
 
     def test_loss_is_a_failure(self):
-        def replace(path):
-            path.unlink()
-            path.write_bytes(b"x" * 10_000_000)
+        def replace(path):  # at once, or the run might see that it is removed
+            (self.folder / "other").write_bytes(b"x" * 10_000_000)
+            (self.folder / "other").replace(path)
         for name in ("r.h5", "r.csv"):
             for loss, word in ((pathlib.Path.unlink, "removed"), (replace, "replaced"), (lambda path: os.truncate(path, 100), "cut")):
                 self.assertIn(f"was {word} while the run recorded it", self.lose(name, loss))
