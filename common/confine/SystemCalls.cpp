@@ -18,6 +18,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace common {
 namespace {
@@ -75,7 +76,6 @@ constexpr int kReaderCalls[] = {SCMP_SYS(read),
                                 SCMP_SYS(rt_sigprocmask),
                                 SCMP_SYS(rt_sigreturn),
                                 SCMP_SYS(sigaltstack),
-                                SCMP_SYS(setitimer),
                                 SCMP_SYS(getitimer),
                                 SCMP_SYS(restart_syscall),
                                 SCMP_SYS(futex),
@@ -114,7 +114,6 @@ constexpr int kReaderCalls[] = {SCMP_SYS(read),
                                 SCMP_SYS(sched_yield),
                                 SCMP_SYS(sched_getaffinity),
                                 SCMP_SYS(getrlimit),
-                                SCMP_SYS(setrlimit),
                                 SCMP_SYS(exit),
                                 SCMP_SYS(exit_group)};
 
@@ -132,6 +131,8 @@ constexpr int kSimulatorCalls[] = {SCMP_SYS(wait4),
                                    SCMP_SYS(landlock_create_ruleset),
                                    SCMP_SYS(landlock_add_rule),
                                    SCMP_SYS(landlock_restrict_self),
+                                   SCMP_SYS(setitimer),
+                                   SCMP_SYS(setrlimit),
                                    SCMP_SYS(sched_setaffinity)};
 
 constexpr int kPictureCalls[] = {SCMP_SYS(mmap),
@@ -177,8 +178,9 @@ class Filter {
           failure != 0 && failure != -EDOM && failure != -EFAULT)
         check(failure);
   }
-  void allow_if(int call, const scmp_arg_cmp& condition) {
-    const int failure = seccomp_rule_add_array(context_.get(), SCMP_ACT_ALLOW, call, 1, &condition);
+  void allow_if(int call, const std::vector<scmp_arg_cmp>& conditions) {
+    const int failure =
+        seccomp_rule_add_array(context_.get(), SCMP_ACT_ALLOW, call, conditions.size(), conditions.data());
     if (failure != -EDOM && failure != -EFAULT) check(failure);
   }
   void enforce() { check(seccomp_load(context_.get())); }
@@ -202,21 +204,21 @@ scmp_arg_cmp equal(unsigned argument, std::uint64_t value) { return {argument, S
 void allow_open(Filter& filter) {
   constexpr std::uint64_t kMask = O_ACCMODE | O_TRUNC;
   for (const std::uint64_t flags : {O_RDONLY, O_WRONLY, O_RDWR, O_WRONLY | O_TRUNC, O_RDWR | O_TRUNC}) {
-    filter.allow_if(SCMP_SYS(open), masked(1, kMask, flags));
-    filter.allow_if(SCMP_SYS(openat), masked(2, kMask, flags));
+    filter.allow_if(SCMP_SYS(open), {masked(1, kMask, flags)});
+    filter.allow_if(SCMP_SYS(openat), {masked(2, kMask, flags)});
   }
-  filter.allow_if(SCMP_SYS(creat), masked(1, 0, 0));
+  filter.allow_if(SCMP_SYS(creat), {masked(1, 0, 0)});
 }
 
 void allow_data_memory(Filter& filter) {
-  filter.allow_if(SCMP_SYS(mmap), masked(2, PROT_EXEC, 0));
-  filter.allow_if(SCMP_SYS(mprotect), masked(2, PROT_EXEC, 0));
+  filter.allow_if(SCMP_SYS(mmap), {masked(2, PROT_EXEC, 0)});
+  filter.allow_if(SCMP_SYS(mprotect), {masked(2, PROT_EXEC, 0)});
 }
 
 void allow_processes(Filter& filter) {
   constexpr std::uint64_t kNamespaces = CLONE_NEWNS | CLONE_NEWCGROUP | CLONE_NEWUTS | CLONE_NEWIPC |
                                         CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET;
-  filter.allow_if(SCMP_SYS(clone), masked(0, kNamespaces, 0));
+  filter.allow_if(SCMP_SYS(clone), {masked(0, kNamespaces, 0)});
 }
 
 }  // namespace
@@ -233,15 +235,16 @@ void restrict_calls(Confinement::Calls calls) {
   filter.allow(kReaderCalls);
   allow_open(filter);
   for (const unsigned long request : {TCGETS, TIOCGWINSZ, FIONREAD})
-    filter.allow_if(SCMP_SYS(ioctl), equal(1, request));
-  filter.allow_if(SCMP_SYS(prlimit64), equal(0, 0));
+    filter.allow_if(SCMP_SYS(ioctl), {equal(1, request)});
   for (const int option : {PR_SET_PDEATHSIG, PR_GET_PDEATHSIG, PR_SET_NAME, PR_GET_NAME, PR_SET_NO_NEW_PRIVS,
                            PR_GET_NO_NEW_PRIVS, PR_SET_SECCOMP, PR_GET_SECCOMP, PR_SET_VMA})
-    filter.allow_if(SCMP_SYS(prctl), equal(0, static_cast<std::uint64_t>(option)));
+    filter.allow_if(SCMP_SYS(prctl), {equal(0, static_cast<std::uint64_t>(option))});
   if (calls == Calls::kReader) {
     for (const int call : kSignalsItself)
-      filter.allow_if(call, equal(0, static_cast<std::uint64_t>(::getpid())));
+      filter.allow_if(call, {equal(0, static_cast<std::uint64_t>(::getpid()))});
+    filter.allow_if(SCMP_SYS(prlimit64), {equal(0, 0), equal(2, 0)});  // its limits stand
   } else {
+    filter.allow_if(SCMP_SYS(prlimit64), {equal(0, 0)});
     filter.allow(kSimulatorCalls);
     filter.allow(std::array{SCMP_SYS(tgkill)});
     allow_processes(filter);

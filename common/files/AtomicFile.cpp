@@ -32,7 +32,7 @@ std::error_code write_all(int file, std::string_view bytes) {
 
 std::error_code write_all(const fs::path& path, std::string_view bytes, int creation, unsigned mode) {
   // A named pipe that nobody reads is an error: the call would wait for a reader.
-  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NONBLOCK | creation, mode);
+  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NONBLOCK | creation, mode);
   if (file < 0) return errno == ENXIO ? std::make_error_code(std::errc::broken_pipe) : last_error();
   std::error_code error;
   if (::fcntl(file, F_SETFL, 0) != 0) error = last_error();
@@ -78,7 +78,7 @@ fs::path part_of(const fs::path& path) { return path.string() + ".part" + std::t
 std::error_code replace_file(const fs::path& path, std::string_view bytes) {
   if (const std::error_code refusal = withheld(path)) return refusal;
   if (const std::optional<int> descriptor = descriptor_of(path)) return append_to(*descriptor, bytes);
-  if (is_special_file(path)) return write_all(path, bytes, O_TRUNC, 0666);
+  if (is_special_file(path)) return write_all(path, bytes, O_CREAT | O_TRUNC, 0666);
   std::error_code error;
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);
   if (const std::error_code refusal = refused_output(path)) return refusal;
@@ -88,7 +88,10 @@ std::error_code replace_file(const fs::path& path, std::string_view bytes) {
   // Removed and then created with O_EXCL, so that the bytes never go through a link that another user put
   // there.
   if (!prepared) fs::remove(part, error);
-  if (!error) error = write_all(part, bytes, prepared ? O_TRUNC : O_EXCL, part_mode(path));
+  if (!error) error = write_all(part, bytes, prepared ? O_TRUNC : O_CREAT | O_EXCL, part_mode(path));
+  // A confined process may write to the file that was there, whatever has its name now.
+  if (prepared && (error == std::errc::no_such_file_or_directory || error == std::errc::permission_denied))
+    error = lost_part();
   if (!error) error = rename_part(part, path);
   if (error) discard_part(part);
   return error;

@@ -18,6 +18,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
+class LostPart final : public std::error_category {
+ public:
+  const char* name() const noexcept override { return "lost part"; }
+  std::string message(int) const override { return "its .part file was removed or replaced meanwhile"; }
+};
+
 std::vector<PreparedOutput> outputs;
 PreparedOutputKeeper keeper;
 
@@ -120,6 +126,11 @@ std::optional<fs::path> prepared_part(const fs::path& name) {
 }
 
 bool is_prepared(const fs::path& part) noexcept { return find(part) < outputs.size(); }
+
+std::error_code lost_part() noexcept {
+  static const LostPart category;
+  return {1, category};
+}
 
 std::error_code rename_part(const fs::path& part, const fs::path& name) {
   if (const std::error_code refusal = withheld(name)) return refusal;

@@ -43,6 +43,8 @@ bool is_prepared(const std::filesystem::path& part) noexcept;
 std::error_code refused_output(const std::filesystem::path& name) noexcept;
 // The permissions to create a part with: those of the file that it will replace, if there is one.
 unsigned part_mode(const std::filesystem::path& name) noexcept;
+// The error of a part that somebody has removed or replaced: what was written to it is lost.
+std::error_code lost_part() noexcept;
 // Like rename() and remove(), for prepared parts and for others. The new file has the permissions of the one
 // that it replaces.
 std::error_code rename_part(const std::filesystem::path& part, const std::filesystem::path& name);

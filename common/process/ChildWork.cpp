@@ -8,7 +8,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -45,11 +47,12 @@ rlim_t mapped_bytes() {
   return known ? static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) : RLIM_INFINITY;
 }
 
-void limit(__rlimit_resource resource, rlim_t value) {
+// The hard limit is larger by `grace`.
+void limit(__rlimit_resource resource, rlim_t value, rlim_t grace = 0) {
   rlimit now{};
   if (value == RLIM_INFINITY || ::getrlimit(resource, &now) != 0) return;
-  if (now.rlim_cur != RLIM_INFINITY && now.rlim_cur < value) value = now.rlim_cur;
-  now.rlim_cur = now.rlim_max = value;
+  now.rlim_max = std::min(now.rlim_max, value + grace);
+  now.rlim_cur = std::min({now.rlim_cur, now.rlim_max, value});  // RLIM_INFINITY is the largest number
   ::setrlimit(resource, &now);
 }
 
@@ -81,10 +84,10 @@ void limit(__rlimit_resource resource, rlim_t value) {
   }
 }
 
-// Returns whether the child closed the pipe before the stop flag was raised.
-bool read_until_stop(int fd, std::string& bytes) {
+// Returns whether the child closed the pipe before the stop flag was raised, with no more than so many bytes.
+bool read_until_stop(int fd, std::size_t most_bytes, std::string& bytes) {
   char block[65536];
-  while (!stop_flag().load(std::memory_order_relaxed)) {
+  while (!stop_flag().load(std::memory_order_relaxed) && bytes.size() <= most_bytes) {
     pollfd readable{.fd = fd, .events = POLLIN, .revents = 0};
     if (::poll(&readable, 1, kStopInterval_ms) <= 0) continue;
     const ssize_t n = ::read(fd, block, sizeof block);
@@ -99,6 +102,8 @@ bool read_until_stop(int fd, std::string& bytes) {
 double seconds(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
+
+double processor_time_s(const rusage& used) { return seconds(used.ru_utime) + seconds(used.ru_stime); }
 
 }  // namespace
 
@@ -129,7 +134,7 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   ChildResult result{};
   bool ended = false;
   try {
-    ended = read_until_stop(pipe_fds[0], result.bytes);
+    ended = read_until_stop(pipe_fds[0], limits.answer_bytes, result.bytes);
   } catch (const std::bad_alloc&) {
   }
   ::close(pipe_fds[0]);
@@ -138,8 +143,8 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   rusage used{};
   while (::wait4(child, &status, 0, &used) < 0 && errno == EINTR) {
   }
-  children_s += seconds(used.ru_utime) + seconds(used.ru_stime);
-  const bool out_of_time = ended && WIFSIGNALED(status) && WTERMSIG(status) == SIGPROF;
+  children_s += processor_time_s(used);
+  const bool out_of_time = ended && ran_out_of_time(status, used, limits.cpu_s);
   const int exit_status = ended && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   result.end = exit_status == 0                              ? ChildResult::End::kReturned
                : exit_status == kNoMemory                    ? ChildResult::End::kOutOfMemory
@@ -158,6 +163,13 @@ void limit_processor_time(double seconds) noexcept {
   const itimerval once{{0, 0},
                        {whole_s, static_cast<suseconds_t>(1e6 * (seconds - static_cast<double>(whole_s)))}};
   ::setitimer(ITIMER_PROF, &once, nullptr);
+  limit(RLIMIT_CPU, static_cast<rlim_t>(std::ceil(seconds)), 1);
+}
+
+bool ran_out_of_time(int status, const rusage& used, double seconds) noexcept {
+  if (!WIFSIGNALED(status)) return false;
+  const int signal = WTERMSIG(status);
+  return signal == SIGPROF || ((signal == SIGXCPU || signal == SIGKILL) && processor_time_s(used) >= seconds);
 }
 
 double child_time_s() noexcept { return children_s; }

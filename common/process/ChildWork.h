@@ -2,6 +2,8 @@
 // grow.
 #pragma once
 
+#include <sys/resource.h>
+
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -14,11 +16,13 @@ struct ChildLimits {
   double cpu_s;
   std::size_t memory_bytes;                          // of address space, beyond what this process has
   std::vector<std::filesystem::path> readable = {};  // files, and folders with all that is below
+  std::size_t answer_bytes = std::size_t{16} << 20;  // that `work` may return
 };
 
 struct ChildResult {
-  // kOutOfMemory: it threw std::bad_alloc; kOutOfTime: it exceeded cpu_s; kFailed: it crashed or threw
-  // something else; kStopped: the stop flag (StopSignals.h) was raised meanwhile.
+  // kOutOfMemory: it threw std::bad_alloc; kOutOfTime: it exceeded cpu_s; kFailed: it crashed, threw
+  // something else, or returned more than answer_bytes; kStopped: the stop flag (StopSignals.h) was raised
+  // meanwhile.
   enum class End { kReturned, kOutOfMemory, kOutOfTime, kFailed, kStopped } end;
   std::string bytes;  // what `work` returned
 };
@@ -32,8 +36,11 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
 // unknown.
 void limit_address_space(std::size_t bytes) noexcept;
 
-// SIGPROF ends this process when it has used so much more processor time; its children have no such limit.
+// SIGPROF ends this process, which has just been forked, when it has used so much more processor time, and
+// the kernel (RLIMIT_CPU) a second or two later if foreign code in it has switched that off.
 void limit_processor_time(double seconds) noexcept;
+// Whether that has ended a process: its status, as of wait(), and what it used.
+bool ran_out_of_time(int status, const rusage& used, double seconds) noexcept;
 
 // Processor time of the children that the calling thread has waited for here.
 double child_time_s() noexcept;

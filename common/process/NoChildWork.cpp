@@ -13,6 +13,8 @@ void limit_address_space(std::size_t) noexcept {}
 
 void limit_processor_time(double) noexcept {}
 
+bool ran_out_of_time(int, const rusage&, double) noexcept { return false; }
+
 double child_time_s() noexcept { return 0.0; }
 
 }  // namespace common

@@ -43,6 +43,8 @@ std::array<struct sigaction, kCrashes.size()> earlier_actions;
 }
 
 extern "C" void on_crash(int signal, siginfo_t* cause, void*) {
+  if (signal == SIGBUS && cause->si_code == BUS_ADRERR)  // the file that is mapped there has no such page
+    end_process("another process has cut the shared memory", kFailed);
   if (errno == ENOMEM) end_without_memory();
   for (std::size_t i = 0; i < kCrashes.size(); ++i)
     if (kCrashes[i] == signal) ::sigaction(signal, &earlier_actions[i], nullptr);

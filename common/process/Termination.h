@@ -8,9 +8,9 @@ namespace common {
 // (UnfinishedFile.h) and ends the process with kFailed, if
 //   std::terminate() is called because of it,
 //   a library crashes or aborts while its thread's errno is ENOMEM, or
-//   a library calls exit().
-// Any other exception or crash is a bug and is handled as without this object. `program` begins the line and
-// must outlive the process.
+//   a library calls exit();
+// so does an access to shared memory that another process has cut. Any other exception or crash is a bug and
+// is handled as without this object. `program` begins the line and must outlive the process.
 class Termination {
  public:
   explicit Termination(const char* program) noexcept;

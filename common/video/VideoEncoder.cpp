@@ -16,7 +16,6 @@
 #include <vector>
 
 #include "common/error/UserError.h"
-#include "common/files/PreparedOutputs.h"
 #include "common/files/ProgramOnPath.h"
 #include "common/process/Supervisor.h"
 
@@ -26,13 +25,15 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-std::vector<std::string> ffmpeg_command(const fs::path& file, int width, int height, int frames_per_second) {
+// Writes to the open descriptor, so that ffmpeg follows no name that somebody else may have changed.
+std::vector<std::string> ffmpeg_command(int file, int width, int height, int frames_per_second) {
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
   const std::string rate = std::to_string(frames_per_second);
   std::vector<std::string> words{"ffmpeg", "-nostdin", "-loglevel", "error", "-y"};
   words.insert(words.end(), {"-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "pipe:0"});
   words.insert(words.end(), {"-an", "-c:v", "libx264", "-preset", "veryfast", "-crf", "18"});
-  words.insert(words.end(), {"-pix_fmt", "yuv420p", file.string()});
+  words.insert(words.end(), {"-pix_fmt", "yuv420p", "-f", "mp4"});
+  words.push_back("/proc/self/fd/" + std::to_string(file));
   return words;
 }
 
@@ -43,10 +44,8 @@ std::string failure(int wait_status, const char* other) {
 
 }  // namespace
 
-fs::path VideoEncoder::part_of(const fs::path& file) { return file.string() + ".part.mp4"; }
-
 VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int frames_per_second)
-    : file_(file), part_(part_of(file)), unfinished_(part_), width_(width), height_(height) {
+    : file_(file), width_(width), height_(height) {
   assert(width % 2 == 0 && height % 2 == 0);
   const std::string name = file.string();
   if (file.extension() != ".mp4") throw UserError(name + ": a video's name must end in .mp4");
@@ -54,11 +53,13 @@ VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int fram
   if (!fs::is_directory(folder)) throw UserError(name + ": there is no folder " + folder.string());
   if (program_on_path("ffmpeg").empty())
     throw UserError(name + ": a video needs ffmpeg, which is not installed (apt-get install ffmpeg)");
+  part_.emplace(file);
   start(frames_per_second);
 }
 
 void VideoEncoder::start(int frames_per_second) {
-  const std::vector<std::string> command = ffmpeg_command(part_, width_, height_, frames_per_second);
+  const std::vector<std::string> command =
+      ffmpeg_command(part_->descriptor(), width_, height_, frames_per_second);
   // A socket rather than a pipe: send() can suppress SIGPIPE for this descriptor alone.
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
@@ -70,6 +71,7 @@ void VideoEncoder::start(int frames_per_second) {
                .become_command =
                    [&](pid_t supervisor) {
                      ::dup2(ends[0], STDIN_FILENO);
+                     ::fcntl(part_->descriptor(), F_SETFD, 0);
                      // A process group without the terminal's Ctrl-C, which ffmpeg would catch: it ends with
                      // its input.
                      ::setpgid(0, 0);
@@ -80,7 +82,7 @@ void VideoEncoder::start(int frames_per_second) {
                    },
                .input = ends[0],
                .grace_without_parent = 0ms,
-               .at_end_without_parent = [this] { ::unlink(part_.c_str()); }});
+               .at_end_without_parent = [this] { ::unlink(part_->path().c_str()); }});
   const int fork_error = errno;
   ::close(ends[0]);
   socket_ = ends[1];
@@ -107,7 +109,7 @@ int VideoEncoder::close_and_wait() {
 int VideoEncoder::abandon() {
   if (child_ < 0) return -1;
   const int status = close_and_wait();
-  discard_part(part_);
+  part_.reset();
   return status;
 }
 
@@ -130,14 +132,11 @@ void VideoEncoder::add(const Image& image) {
 
 void VideoEncoder::finish() {
   if (child_ < 0) return;
-  std::error_code error;
   const int status = close_and_wait();
-  const bool encoded = status == 0;
-  if (encoded) error = rename_part(part_, file_);
-  if (encoded && !error) return;
-  const std::string reason = encoded ? error.message() : failure(status, "ffmpeg failed");
-  discard_part(part_);
-  throw UserError(file_.string() + ": " + reason);
+  const std::error_code error = status == 0 ? part_->commit() : std::error_code();
+  part_.reset();
+  if (status != 0) throw UserError(file_.string() + ": " + failure(status, "ffmpeg failed"));
+  if (error) throw UserError(file_.string() + ": cannot be written: " + error.message());
 }
 
 }  // namespace common

@@ -247,7 +247,8 @@ TriangleMesh read_mesh(const fs::path& file) {
       },
       {kMaxReadCpu_s,
        kImporterBytes + kImporterBytesPerByte * fs::file_size(file),
-       {file, fs::weakly_canonical(file).parent_path()}});
+       {file, fs::weakly_canonical(file).parent_path()},
+       kMaxResultBytes});
   if (read.end == common::ChildResult::End::kStopped) refuse("was not read: interrupted");
   if (read.end == common::ChildResult::End::kOutOfMemory) refuse(kNeedsMemory);
   if (read.end != common::ChildResult::End::kReturned || read.bytes.empty())

@@ -311,9 +311,8 @@ std::vector<common::PreparedOutput> prepare_media(std::span<const Screenshot> sc
   std::vector<common::PreparedOutput> outputs;
   for (const Screenshot& screenshot : screenshots)
     outputs.push_back(prepare_replaced_file({"--screenshot", screenshot.file}));
-  if (!video_file.empty())  // the encoder creates its file
-    outputs.push_back(
-        {.name = video_file, .part = common::VideoEncoder::part_of(video_file), .created = true});
+  if (!video_file.empty())  // NewPart creates it
+    outputs.push_back({.name = video_file, .part = common::part_of(video_file), .created = true});
   return outputs;
 }
 

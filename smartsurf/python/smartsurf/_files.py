@@ -31,16 +31,16 @@ def folder_of_episodes(folder: PathName, pattern: str) -> str:
 
 @contextlib.contextmanager
 def replaced(path: PathName) -> Iterator[pathlib.Path]:
-    """A path beside `path`, whose file takes its place at the end, when it is on the disk: no reader sees a part of it, and an
-    error, an OSError that names `path`, leaves the old file. Of a link, the target is replaced; a pipe or a device is written
-    in place."""
+    """A new file beside `path` that takes its place at the end, when it is on the disk: no reader sees a part of it, and an error,
+    an OSError that names `path`, leaves the old file. Of a link, the target is replaced; a pipe or a device is written in place."""
     target = pathlib.Path(os.path.realpath(path))
     in_place = target.exists() and not target.is_file()
-    part = target if in_place else target.with_name(target.name + ".part")
-    if not in_place:  # an older part may be a link
-        with contextlib.suppress(OSError):
-            part.unlink()
+    # The process id keeps two that write the same file apart.
+    part = target if in_place else target.with_name(f"{target.name}.part{os.getpid()}")
     try:
+        if not in_place:
+            part.unlink(missing_ok=True)
+            os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
         yield part
         if not in_place:
             with part.open("rb") as file:

@@ -21,6 +21,7 @@ from xml.sax.saxutils import quoteattr
 
 from ._arguments import Parser, whole
 from ._core import Error, __version__
+from ._files import replaced
 from ._printable import guard_output, printable
 from ._simulation import Simulation
 from ._surface import Channel
@@ -134,14 +135,9 @@ def pack(experiment: str | os.PathLike[str], output: str | os.PathLike[str], set
                f"binaries/{system}/{_LIBRARY}.so": library.read_bytes(),
                f"resources/{_START}": f"{token.hexdigest()}\n{start}".encode(),
                **{f"resources/{name}": content for name, content in contents.items()}}
-    partial = target.with_name(f".{target.name}.part")
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in members.items():
-                archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replaced(target) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
 
 
 def main() -> int:

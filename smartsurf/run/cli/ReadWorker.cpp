@@ -133,7 +133,8 @@ int read_in_worker(const ReadJob& job) {
   deferred.reset();
   common::watch_parent();
   int status = 0;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  rusage used{};
+  while (::wait4(child, &status, 0, &used) < 0 && errno == EINTR) {
   }
   worker.store(0);
   if (WIFSIGNALED(status) || WEXITSTATUS(status) > 128) await_remains();
@@ -142,7 +143,7 @@ int read_in_worker(const ReadJob& job) {
   for (const int crash : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGSYS})
     if (signal == crash)
       throw scene::InputError(job.recording + ": is damaged: the HDF5 library cannot read it");
-  if (signal == SIGPROF && job.only_reads)
+  if (job.only_reads && common::ran_out_of_time(status, used, time_s))
     throw scene::InputError(
         fmt::format("{}: needs more than {:.0f} s of processor time, the most that a reader of a "
                     "file of this size may have",

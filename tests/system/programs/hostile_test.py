@@ -233,6 +233,21 @@ class Outputs(Hostile):
                              (*run, "--worlds", 2, "--record", "a.h5", "--stats", "a-1.h5"),
                              (APRON, "run", "p.aps", "--save", "A=a.npy", "--save", "A=./a.npy")), "is the same file as")
 
+    @needs_view
+    @unittest.skipUnless(shutil.which("ffmpeg"), "needs ffmpeg")
+    def test_videos_go_through_no_link_and_over_no_file(self):
+        (self.folder / "q.mp4.part.mp4").symlink_to("part.lua")
+        before = self.contents()
+        for command in ((SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", 3, *SMALL_PICTURE),
+                        (SMARTSURF, "replay", "r.h5", *SMALL_PICTURE),
+                        (APRON, "run", "p.aps", "--size", "2x2", "--ticks", 1, "--geometry", "320x240")):
+            # The shell becomes the program, so its process id is in the part's name.
+            status, out, err = self.shell('ln -s s.lua q.mp4.part$$; exec "$@"', *command, "--video", "q.mp4")
+            self.assertEqual(status, 0, f"{command}: {out}{err}")
+            after = self.contents()
+            self.assertEqual(after.pop("q.mp4")[4:8], b"ftyp")
+            self.assertEqual(after, before)
+
     def test_a_dangling_link_stands_for_the_file_that_it_names(self):
         (self.folder / "x.json").symlink_to("new.json")
         (self.folder / "y.json").symlink_to("new.json")
@@ -430,6 +445,16 @@ class Liveness(Hostile):
             self.wait_for(lambda: self.words("claim") == 0, "the surface to notice")
         self.assertIsNone(surface.poll())
 
+    def test_a_cut_segment_ends_both_sides_with_one_line(self):
+        for flags in ((), ("--unsafe",)):
+            surface, controller = self.start_surface(*flags), self.start_controller()
+            os.truncate(self.segment(), 0)
+            for child in (surface, controller):
+                status, _, err = self.finish(child)
+                self.assertIn(status, (1, 3) if child is controller else (1,), err)
+                self.assertRegex(err.splitlines()[-1], "another process has cut the shared memory|surface", err)
+            self.assertFalse(self.segment().exists())
+
     def test_surface_without_its_name_advises_nothing(self):
         surface = self.start_surface()
         self.segment().unlink()
@@ -482,13 +507,31 @@ class RecordingLoss(Hostile):
         return err
 
     def test_loss_is_a_failure(self):
-        def replace(path):
-            path.unlink()
-            path.write_bytes(b"x" * 10_000_000)
+        def replace(path):  # at once, or the run might see that it is removed
+            (self.folder / "other").write_bytes(b"x" * 10_000_000)
+            (self.folder / "other").replace(path)
         for name in ("r.h5", "r.csv"):
             for loss, word in ((pathlib.Path.unlink, "removed"), (replace, "replaced"), (lambda path: os.truncate(path, 100), "cut")):
                 self.assertIn(f"was {word} while the run recorded it", self.lose(name, loss))
                 (self.folder / name).unlink(missing_ok=True)
+
+
+    def test_loss_of_other_outputs_is_told(self):
+        self.write("s.lua", TABLE)
+        outputs = {"--stats": "n.json"}
+        if WITH_VIEW:
+            outputs |= {"--screenshot": "n.png"} | ({"--video": "n.mp4"} if shutil.which("ffmpeg") else {})
+        for flag, name in outputs.items():
+            run = self.start(SMARTSURF, "run", "s.lua", "--no-controller", "--pace", "20", "--until", "3600", "--record", "n.csv",
+                             flag, name, *(() if flag == "--stats" else SMALL_PICTURE))
+            self.wait_for((self.folder / "n.csv").exists, "the recording's name")
+            (self.folder / f"{name}.part{run.pid}").unlink()
+            run.send_signal(signal.SIGTERM)
+            status, out, err = self.finish(run)
+            self.assertIn(status, (1, 2), f"{name}: {out}{err}")
+            self.assertRegex(err, f"{name}.*its .part file was removed or replaced")
+            self.assertFalse((self.folder / name).exists())
+            (self.folder / "n.csv").unlink()
 
 
 class ScriptFiles(Hostile):

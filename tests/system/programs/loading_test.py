@@ -1,7 +1,9 @@
 """Nothing is loaded from the current folder: neither shared objects nor Python modules."""
+import ctypes
 import platform
 import re
 import shutil
+import struct
 import sys
 
 from programs import *
@@ -139,6 +141,25 @@ class Loading(ProgramTest):
         for environment in ({}, {"PYTHONPATH": "/nowhere"}, {"PYTHONPATH": "/nowhere:"}, {"PYTHONPATH": ".:/nowhere"}):
             names, out = self.imported(doctor, **environment)
             self.assertEqual(names, [], out)
+
+    @unittest.skipUnless(platform.machine() == "x86_64", "the filter has this machine's numbers")
+    def test_doctor_sees_a_container_in_which_no_process_can_be_confined(self):
+        refuse = struct.pack("HBBI" * 4, 0x20, 0, 0, 0,  # load the call's number
+                             0x15, 0, 1, 157,  # prctl
+                             0x06, 0, 0, 0x00050001,  # EPERM
+                             0x06, 0, 0, 0x7FFF0000)
+        libc = ctypes.CDLL(None)
+
+        def without_prctl():
+            libc.prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS, which the filter needs
+            code = ctypes.create_string_buffer(refuse, len(refuse))
+            filter = ctypes.create_string_buffer(struct.pack("HxxxxxxQ", 4, ctypes.addressof(code)))
+            libc.syscall(317, 1, 0, filter)
+
+        for environment, is_told in (({}, True), ({"SMARTSURF_CONFINE": "off"}, False)):
+            doctor = subprocess.run([ROOT / "scripts/doctor"], preexec_fn=without_prctl, env=os.environ | environment,
+                                    cwd=self.folder, capture_output=True, text=True)
+            self.assertEqual("WRONG prctl" in doctor.stdout, is_told, doctor.stdout)
 
     @unittest.skipUnless((BIN.parent / "python/smartsurf/__init__.py").exists(), "needs the Python package")
     def test_statements_in_python_import_nothing_of_the_current_folder(self):

@@ -17,6 +17,7 @@ import sys
 from programs import *
 
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
+from smartsurf._files import replaced  # noqa: E402
 from smartsurf.run import RunError, plot, run  # noqa: E402
 from smartsurf.success import success_curve, time_of_share  # noqa: E402
 from smartsurf.sweep import folder_name, quantile, samples, wilson  # noqa: E402
@@ -212,10 +213,15 @@ class Sweep(ProgramTest):
                 (self.folder / "out/.lock").unlink()
                 self.assertEqual({path: path.read_text() for path in self.folder.rglob("*") if path.is_file()},
                                  {path: text for path, text in before.items() if path not in (link, self.folder / "out/.lock")})
-        # A file in preparation is a new one.
-        (self.folder / "out/results.csv.part").symlink_to(self.folder / "table.csv")
-        status, out, err = self.sweep("--set", "file=table.csv")
-        self.assertEqual((status, (self.folder / "table.csv").read_text()), (0, "a"), out + err)
+
+    def test_a_file_in_preparation_is_a_new_one(self):
+        own, target = pathlib.Path(self.write("own", "own")), self.folder / "a.csv"
+        part = target.with_name(f"a.csv.part{os.getpid()}")
+        for make in (part.symlink_to, part.hardlink_to):
+            make(own)
+            with replaced(target) as file:
+                file.write_text("new")
+            self.assertEqual((own.read_text(), target.read_text(), part.exists()), ("own", "new", False))
 
     def test_a_metric_does_not_hide_a_statistic(self):
         self.write("table.lua", TABLE.replace("metric('product'", "metric('contacts', -7) metric('product'"))

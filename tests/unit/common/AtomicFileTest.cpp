@@ -52,6 +52,17 @@ TEST(AtomicFile, KeepsPermissionsOfReplacedFile) {
   }
 }
 
+TEST(AtomicFile, TellsThatPreparedPartWasRemoved) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.txt";
+  const common::PreparedOutput output = common::prepare_output("--save", path, common::part_of(path));
+  common::use_prepared_outputs({output}, {[](std::size_t) { return std::error_code(); }, [](std::size_t) {}});
+  fs::remove(output.part);
+  EXPECT_EQ(replace_file(path, "new"), common::lost_part());
+  common::use_prepared_outputs({}, {});
+  EXPECT_EQ(folder.entries(), 0);
+}
+
 TEST(AtomicFile, RefusesFileWithoutWritePermission) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.txt";

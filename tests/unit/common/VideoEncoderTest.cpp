@@ -1,14 +1,18 @@
 #include "common/video/VideoEncoder.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
+#include <string>
 #include <thread>
 
 #include "common/error/UserError.h"
+#include "common/files/AtomicFile.h"
 #include "common/process/Termination.h"
 #include "tests/unit/common/TemporaryFolder.h"
 
@@ -48,6 +52,52 @@ TEST(VideoEncoder, RenamesFinishedVideo) {
   video.finish();
   EXPECT_EQ(fs::file_size(folder.path() / "a.mp4"), 2U * 4 * 2 * 3);
   EXPECT_EQ(folder.entries(), 1);
+}
+
+std::string content(const fs::path& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+TEST(VideoEncoder, WritesThroughNoLinkAndOverNoFile) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  const fs::path own = folder.path() / "own", video = folder.path() / "a.mp4";
+  std::ofstream(own) << "own";
+  const auto encode = [&] {
+    VideoEncoder encoder(video, 4, 2, 30);
+    encoder.add(grey(4, 2));
+    encoder.finish();
+    EXPECT_EQ(fs::file_size(video), 4U * 2 * 3);
+    EXPECT_EQ(content(own), "own");
+  };
+  fs::create_symlink(own, common::part_of(video));
+  encode();
+  fs::create_hard_link(own, common::part_of(video));
+  encode();
+  EXPECT_EQ(folder.entries(), 2);
+}
+
+TEST(VideoEncoder, RefusesWhatIsNoFileAndTellsLostPart) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  const fs::path video = folder.path() / "a.mp4", part = common::part_of(video);
+  ASSERT_EQ(::mkfifo(video.c_str(), 0600), 0);
+  EXPECT_THROW(VideoEncoder(video, 4, 2, 30), UserError);
+  fs::remove(video);
+  for (const bool is_replaced : {false, true}) {
+    VideoEncoder encoder(video, 4, 2, 30);
+    encoder.add(grey(4, 2));
+    fs::remove(part);
+    if (is_replaced) std::ofstream(part) << "another";
+    try {
+      encoder.finish();
+      ADD_FAILURE();
+    } catch (const UserError& error) {
+      EXPECT_NE(std::string(error.what()).find("removed or replaced"), std::string::npos) << error.what();
+    }
+    EXPECT_FALSE(fs::exists(video));
+  }
 }
 
 // ffmpeg ends at Ctrl-C, whatever it inherits, and the terminal sends it to the whole process group.
