@@ -32,8 +32,8 @@ class RestLoads {
 
   // Balances the loads in `contacts` of the islands of these bodies, which are asleep, each once.
   // `pair_contacts`: of the step, with those of sleepers that bear bodies which are awake. Islands with
-  // joints, and large ones, keep their loads; those of some size that touch what is awake keep them until
-  // that sleeps.
+  // joints, large ones, and those that no plausible loads balance keep their loads; those of some size that
+  // touch what is awake keep them until that sleeps.
   void balance(const BodyStore&, std::span<const std::int32_t> fallen, const ContactList& pair_contacts,
                SleepingContacts& contacts);
   // Passes over islands, in bodies, that all calls took.
@@ -68,7 +68,7 @@ class RestLoads {
   void add_patch(SupportPatch&, SupportSamples&, const Vec3& normal, float limit);
   Row& add_row(std::int32_t a, std::int32_t b);
   void add_weight_and_neighbours(const BodyStore&, const ContactList& pair_contacts);
-  bool is_balanced() const;
+  bool is_balanced(double tolerance) const;
   bool solve();
   bool find_impulses();
   void subtract(const Row&, double impulse);

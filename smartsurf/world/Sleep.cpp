@@ -103,6 +103,7 @@ void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactLi
     for (const Contact& c : static_contacts.contacts_of(m))
       if (c.partner == Partner{index}) wake_island(b, m.a);
   b.for_each_linked(body, [&](std::int32_t other) { wake_island(b, other); });
+  placed_.push_back(index);
 }
 
 void Sleep::wake_forced(BodyStore& b) {
@@ -239,6 +240,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
                                 const ContactList& pair_contacts, const ContactList& static_contacts,
                                 std::span<const SupportPatches> supports,
                                 const std::function<void()>& find_loads) {
+  wake_where_placed(b, pair_contacts);
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(),
                                      [&b](std::int32_t i) { return b.sleep_timer_s[i] >= kTimeToSleep_s; });
   if (!is_enabled_ || (!any_ready && !any_asleep())) return;
@@ -250,16 +252,13 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     has_active_neighbour_[i] = 0;
     is_supported[i] = static_cast<char>(gravity_.isZero(0.0F));
   }
-  // A body that touches a moving body stays awake, or is woken. Bodies that may lie on each other fall asleep
-  // together: a sleeper is immovable, and would go on bearing the load of that moment while the rest settles.
+  // Bodies that touch fall asleep together: a sleeper is immovable, and would go on bearing the load of that
+  // moment while the rest settles. One that moves wakes what it touches.
   auto keep_together = [&](std::size_t i, std::size_t j) {
-    const bool may_stack = !b.is_sphere[i] && !b.is_sphere[j];
     for (const auto& [one, other] : {std::pair{i, j}, std::pair{j, i}}) {
-      if (!b.is_active(one)) continue;
-      if (may_stack && b.sleep_timer_s[one] < kTimeToSleep_s) has_active_neighbour_[other] = 1;
-      if (b.sleep_timer_s[one] > 0.0F) continue;
+      if (!b.is_active(one) || b.sleep_timer_s[one] >= kTimeToSleep_s) continue;
       has_active_neighbour_[other] = 1;
-      if (b.asleep[other]) wake(b, other);
+      if (b.sleep_timer_s[one] == 0.0F && b.asleep[other]) wake(b, other);
     }
   };
   for (const Manifold& m : pair_contacts.manifolds) {
@@ -290,6 +289,18 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     for (const SupportPatch& p : list.patches)
       if (asleep(p.body)) contacts_.add(list, p, b.size());
   rest_loads_.balance(b, fallen_, pair_contacts, contacts_);
+}
+
+// What is placed may lie still on sleepers at once: these, and those that bear them, would not feel it.
+void Sleep::wake_where_placed(BodyStore& b, const ContactList& pair_contacts) {
+  if (placed_.empty()) return;
+  const auto is_placed = [this](std::int32_t i) { return std::ranges::find(placed_, i) != placed_.end(); };
+  for (const Manifold& m : pair_contacts.manifolds) {
+    if (!b.asleep[m.a] && !b.asleep[m.b]) continue;
+    const auto [sleeper, other] = b.asleep[m.a] ? std::pair{m.a, m.b} : std::pair{m.b, m.a};
+    if (is_placed(other)) wake_island(b, sleeper);
+  }
+  placed_.clear();
 }
 
 // A joint, a force or a conveyor may push a row of bodies so slowly that each of them could fall asleep; one
@@ -325,9 +336,9 @@ void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_c
   for (bool changed = true; changed;) {
     changed = false;
     for (const Manifold& m : pair_contacts.manifolds) {
+      if (stays_awake(m.a) == stays_awake(m.b)) continue;
       const auto [above, below] = stacked(m, pair_contacts.contacts[m.first]);
-      if (above < 0) continue;
-      if (has_active_neighbour_[above] || b.is_sphere[above] || !stays_awake(below)) continue;
+      if (above < 0 || !b.is_active(above) || !stays_awake(below)) continue;
       has_active_neighbour_[above] = 1;
       changed = true;
     }
@@ -370,9 +381,11 @@ Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
 
 void Sleep::on_body_removed(std::int32_t body) {
   contacts_.on_body_removed(body);
-  std::erase(woken_, body);
-  for (std::int32_t& i : woken_)
-    if (i > body) --i;
+  for (std::vector<std::int32_t>* list : {&woken_, &placed_}) {
+    std::erase(*list, body);
+    for (std::int32_t& i : *list)
+      if (i > body) --i;
+  }
   if (body < std::ssize(cells_near_sleeper_)) cells_near_sleeper_.erase(cells_near_sleeper_.begin() + body);
   ++set_version_, ++contacts_version_;
 }

@@ -1,12 +1,12 @@
 // Puts resting bodies to sleep and wakes them again.
 //
 // A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, its
-// velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too), and no body that
-// it touches or has a joint with moves. Two non-spheres that touch fall asleep only together. A sleeping body
-// has zero inverse mass in the solver and is not simulated; its contacts are kept with their impulses. It
-// wakes when a cell under or beside it moves, when a neighbour moves, or when a body wakes on which it lies.
-// A wrench on one of its island, an imminent hit by a fast body, or the removal of a neighbour wakes the
-// island.
+// velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too), and the same holds
+// for all that it touches, has a joint with, or lies on at whatever height. A sleeping body has zero inverse
+// mass in the solver and is not simulated; its contacts are kept with their impulses. It wakes when a cell
+// under or beside it moves, when a neighbour moves, or when a body wakes on which it lies. A wrench on one of
+// its island, an imminent hit by a fast body, a body placed against it, or the removal of a neighbour wakes
+// the island.
 //
 // Not thread-safe except where a function says so.
 #pragma once
@@ -81,7 +81,7 @@ class Sleep {
   void on_body_removed(std::int32_t body);
 
   void archive(common::StateArchive& a) {
-    a(sleeping_count_, set_version_, contacts_version_, woken_, contacts_, cells_near_sleeper_);
+    a(sleeping_count_, set_version_, contacts_version_, woken_, placed_, contacts_, cells_near_sleeper_);
     has_sleeper_list_ = false;
   }
 
@@ -99,6 +99,7 @@ class Sleep {
   Stacked stacked(const Manifold&, const Contact& first) const;
   bool touches_moving_cell(const Contact&) const;
   void wake_alone(BodyStore&, std::int32_t body);
+  void wake_where_placed(BodyStore&, const ContactList& pair_contacts);
   void keep_pushed_awake(BodyStore&, const std::vector<std::int32_t>& active_bodies,
                          const ContactList& pair_contacts);
   void keep_awake_with_others(const BodyStore&, const ContactList& pair_contacts);
@@ -118,7 +119,8 @@ class Sleep {
   bool is_enabled_;
   int sleeping_count_ = 0;
   unsigned set_version_ = 0, contacts_version_ = 0;
-  std::vector<std::int32_t> woken_;  // since the last restore_contacts()
+  std::vector<std::int32_t> woken_;   // since the last restore_contacts()
+  std::vector<std::int32_t> placed_;  // since the last step
   SleepingContacts contacts_;
   RestLoads rest_loads_;
   std::vector<std::int32_t> fallen_;          // asleep, in this step

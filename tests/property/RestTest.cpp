@@ -99,6 +99,62 @@ TEST_P(SleepingStack, LoadsAreInEquilibrium) {
 }
 INSTANTIATE_TEST_SUITE_P(Steps, SleepingStack, testing::Values(1.0 / 60, 1.0 / 240));
 
+class SleepingGroup : public Rest {};
+
+// Bodies of all shapes fall one by one on a plank that lies on the level table, as it settles, falls asleep
+// or sleeps.
+TEST_P(SleepingGroup, CellsBearTheWeight) {
+  const int groups = 16;
+  int asleep = 0;
+  for (unsigned seed = 1; seed <= groups; ++seed) {
+    SCOPED_TRACE(seed);
+    random.seed(seed);
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.materials[0].rolling_friction = 0.05;
+    double mass = 0;
+    const auto add = [&](scene::ObjectSpec o) {
+      const double added = draw(0.5, 4);
+      o.mass = added, mass += added;
+      fixture.add(o);
+    };
+    const double height = draw(0.3, 1);
+    add(box({draw(2, 5), draw(2, 5), height}, {15.5, 15.5, height / 2}));
+    const int count = 1 + static_cast<int>(draw(1, 6));
+    for (int i = 1; i < count; ++i) {
+      fixture.run(draw(0, 0.8));
+      const Eigen::Vector3d at(15.5 + draw(-0.8, 0.8), 15.5 + draw(-0.8, 0.8), height + draw(0.01, 1));
+      const Eigen::Vector3d size(draw(0.6, 2), draw(0.6, 2), draw(0.4, 1.2));
+      const Eigen::Vector3d middle = at + Eigen::Vector3d(0, 0, size.z() / 2);
+      switch (static_cast<int>(draw(0, 7))) {
+        case 0:
+          add(box(size, middle));
+          break;
+        case 1:
+          add(cylinder(size.x() / 2, size.z(), middle));
+          break;
+        case 2: {
+          auto lying = capsule(size.z() / 2, size.z() + size.x(), middle);
+          lying.orientation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX());
+          add(lying);
+          break;
+        }
+        case 3:
+          add(cube(middle, static_cast<float>(size.z())));
+          break;
+        default:
+          add(sphere(size.z() / 2, middle));
+      }
+    }
+    for (int s = 0; s < 16 && fixture.world().sleeping_count() < count; ++s) fixture.run(0.5);
+    if (fixture.world().sleeping_count() < count) continue;
+    ++asleep;
+    EXPECT_NEAR(total_load(fixture), mass * kGravity, 0.001 * mass * kGravity);
+  }
+  EXPECT_GE(asleep, groups / 2);
+}
+INSTANTIATE_TEST_SUITE_P(Steps, SleepingGroup, testing::Values(1.0 / 60, 1.0 / 240, 1.0 / 960));
+
 class Landing : public Rest {};
 
 // The middle of a box that is dropped flat is over the box below it.

@@ -278,6 +278,53 @@ TEST(Sleep, WhatLiesOnAWokenBodyPressesOnIt) {
   }
 }
 
+// A plastic blow stops the ball within the step in which the plank's half second of rest may end.
+TEST(Sleep, BlowIsNoLoadAtRest) {
+  for (int ticks = 24; ticks < 36; ++ticks) {
+    SCOPED_TRACE(ticks);
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = 1.0 / 60;
+    fixture.scene.materials[0].restitution = 0.0;
+    auto plank = box({9, 0.6, 0.5}, {15, 15, 0.25});
+    auto ball = sphere(0.5, {14, 15, 1.05});
+    plank.mass = 3, ball.mass = 2;
+    fixture.add(plank);
+    fixture.run(ticks / 60.0);
+    fixture.add(ball);
+    fixture.run(2.0);
+    ASSERT_EQ(fixture.world().sleeping_count(), 2);
+    double load = 0;
+    for (const float impulse : fixture.cells().field().impulse) load += static_cast<double>(impulse);
+    EXPECT_NEAR(load * 60, 5 * kGravity, 0.001 * 5 * kGravity);
+  }
+}
+
+// A beam in balance on a post does not bear what is placed on its end, or on a body there, however softly.
+TEST(Sleep, WhatIsPlacedOnASleeperTipsIt) {
+  for (const double gap : {0.0, 1e-4, 1e-3})
+    for (const bool is_ball : {false, true})
+      for (const bool on_others : {false, true}) {
+        SCOPED_TRACE(gap);
+        PhysicsFixture fixture;
+        auto post = box({0.8, 2, 1}, {15, 15, 2.5});
+        post.fixed = true;
+        fixture.add(post);
+        auto beam = box({8, 1, 0.2}, {15, 15, 3.1});
+        beam.mass = 1;
+        fixture.add(beam);
+        for (const double x : {12.0, 18.0})
+          if (on_others) fixture.add(box({1, 1, 1}, {x, 15, 3.7}));
+        fixture.run(1.0);
+        ASSERT_EQ(fixture.world().sleeping_count(), on_others ? 3 : 1);
+        const Eigen::Vector3d at(18, 15, (on_others ? 4.7 : 3.7) + gap);
+        auto weight = is_ball ? sphere(0.5, at) : box({1, 1, 1}, at);
+        weight.mass = 2;
+        const auto id = fixture.add(weight);
+        fixture.run(3.0);
+        EXPECT_LT(fixture.position(id).z(), 2.5F);
+      }
+}
+
 TEST(Sleep, NoneIfSwitchedOff) {
   PhysicsFixture fixture;
   fixture.scene.world.sleep = false;
