@@ -111,7 +111,9 @@ TEST_P(SleepingGroup, CellsBearTheWeight) {
     random.seed(seed);
     PhysicsFixture fixture;
     fixture.scene.world.dt_s = GetParam();
-    fixture.scene.materials[0].rolling_friction = 0.05;
+    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
+    fixture.scene.materials[0].rolling_friction = 0.01;
+    fixture.scene.materials[0].restitution = 0.2;
     double mass = 0;
     const auto add = [&](scene::ObjectSpec o) {
       const double added = draw(0.5, 4);
@@ -123,7 +125,7 @@ TEST_P(SleepingGroup, CellsBearTheWeight) {
     const int count = 1 + static_cast<int>(draw(1, 6));
     for (int i = 1; i < count; ++i) {
       fixture.run(draw(0, 0.8));
-      const Eigen::Vector3d at(15.5 + draw(-0.8, 0.8), 15.5 + draw(-0.8, 0.8), height + draw(0.01, 1));
+      const Eigen::Vector3d at(15.5 + draw(-0.8, 0.8), 15.5 + draw(-0.8, 0.8), height + draw(0.01, 3));
       const Eigen::Vector3d size(draw(0.6, 2), draw(0.6, 2), draw(0.4, 1.2));
       const Eigen::Vector3d middle = at + Eigen::Vector3d(0, 0, size.z() / 2);
       switch (static_cast<int>(draw(0, 7))) {
