@@ -88,7 +88,7 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics28");
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics29");
   EXPECT_EQ(hash_after(3.0), 0x7e78c2505345c32dU);
   EXPECT_EQ(hash_of_crowd(1), 0x08de560c3ea67a5fU);
 }
