@@ -18,7 +18,7 @@ void AxisLaw::add_step(Cause cause, double speed, double below, double above) {
 }
 
 double AxisLaw::offset(int segment) const {
-  double sum = offset_;
+  double sum = impulse_without_steps(0.0);
   for (int i = 0; i < count_; ++i) {
     const Step& s = step_[i];
     sum += 2 * i + 1 > segment ? s.below : s.above;
@@ -31,9 +31,23 @@ int AxisLaw::segment_of(std::uint8_t causes, double speed) const {
   for (int i = 0; i < count_; ++i) {
     const Step& s = step_[i];
     if ((s.causes & causes) != 0) return 2 * i + 1;
-    const bool is_above = speed >= s.speed;
+    const bool is_above = speed >= speed_of(s);
     if (std::isinf(is_above ? s.above : s.below)) return 2 * i + 1;
     if (is_above) segment = 2 * i + 2;
+  }
+  return segment;
+}
+
+int AxisLaw::first_segment(std::uint8_t causes, double speed, double impulse, double response) const {
+  int segment = segment_of(causes, speed);
+  if (is_held(segment)) return segment;
+  for (int i = 0; i < 2 * count_; ++i) {
+    const double end = is_held(segment)
+                           ? held_speed(segment)
+                           : (speed + response * (offset(segment) - impulse)) / (1.0 + response * slope_);
+    const int next = next_segment(segment, end, impulse + (end - speed) / response, 0.0, 0.0);
+    if (next == segment) break;
+    segment = next;
   }
   return segment;
 }
@@ -48,8 +62,9 @@ int AxisLaw::next_segment(int segment, double speed, double impulse, double spee
     if (rest < above - impulse_tolerance) return segment + (std::isinf(above) ? 2 : 1);
     return segment;
   }
-  if (segment > 0 && speed < step_[index_of(segment) - 1].speed - speed_tolerance) return segment - 1;
-  if (segment < 2 * count_ && speed > step_[index_of(segment)].speed + speed_tolerance) return segment + 1;
+  if (segment > 0 && speed < speed_of(step_[index_of(segment) - 1]) - speed_tolerance) return segment - 1;
+  if (segment < 2 * count_ && speed > speed_of(step_[index_of(segment)]) + speed_tolerance)
+    return segment + 1;
   return segment;
 }
 

@@ -199,7 +199,9 @@ void JointSolver::store_velocities(const Rows& rows, IndexRange trees) {
 // `spring`: its impulse at speed 0, from which `slope` is taken per speed.
 void JointSolver::set_law(Joint& j, Block& block, Stage stage, double h_s, double spring, double slope) {
   constexpr double kUnbounded = std::numeric_limits<double>::infinity();
-  block.law.reset(spring, slope);
+  // The trapezoidal rule takes the coordinate's speeds before and in the part: those along the axis, less the
+  // lead and plus the lead.
+  block.law.reset(spring, slope, 0.5 * h_s * h_s * j.spring.stiffness);
   auto speed_of_limit = [&](double room) {
     if (room > 0.0) return -room / h_s;
     return stage == Stage::kSolve ? correction_speed(room, h_s) : 0.0;
@@ -211,7 +213,8 @@ void JointSolver::set_law(Joint& j, Block& block, Stage stage, double h_s, doubl
   if (j.friction > 0.0) block.law.add_step(AxisLaw::kFriction, 0.0, h_s * j.friction, -h_s * j.friction);
   if (j.has_motor)
     block.law.add_step(AxisLaw::kMotor, j.motor.speed, h_s * j.motor.max_effort, -h_s * j.motor.max_effort);
-  set_segment(block, block.law.segment_of(j.held_by, speeds(block)[kAxis]));
+  set_segment(block, block.law.first_segment(j.held_by, speeds(block)[kAxis], block.impulse[kAxis],
+                                             block.response[kAxis]));
 }
 
 void JointSolver::set_segment(Block& block, int segment) {
@@ -536,7 +539,7 @@ void JointSolver::take_back_corrections(IndexRange trees) {
 
 void JointSolver::note_springs(IndexRange trees) {
   for_each_selected(trees, [&](Joint& j, Block& block, double) {
-    if (j.has_spring) block.spring_impulse = block.spring_at_rest - block.law.slope() * speeds(block)[kAxis];
+    if (j.has_spring) block.spring_impulse = block.law.impulse_without_steps(speeds(block)[kAxis]);
   });
 }
 
@@ -589,20 +592,15 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
   bool any_off = false;
   for (TreeState& s : states_of(trees)) s.open(), s.residual = std::numeric_limits<double>::max();
   for (int round = 0;; ++round) {
-    bool any_open = false;
-    for (int t = trees.begin; t < trees.end; ++t) {
-      TreeState& s = tree_states_[t];
-      any_open = any_open || s.is_open();
-      // A change leaves speeds that another round must solve for, so the last round makes none.
-      s.has_changed = s.is_open() && round > 0 && round < kMaxRounds &&
-                      change_segments(equations_.trees()[t], round < kFreeRounds);
-      if (s.has_changed) s.is_factored = false;
-    }
-    if (!any_open) break;
-    if (stage != Stage::kRelax) predict(trees);
+    if (std::ranges::none_of(states_of(trees), &TreeState::is_open)) break;
+    if (stage != Stage::kRelax) predict(trees), set_leads(stage, trees);
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       if (!s.is_open()) continue;
+      // A change leaves speeds that another round must solve for, so the last round makes none.
+      s.has_changed =
+          round > 0 && round < kMaxRounds && change_segments(equations_.trees()[t], round < kFreeRounds);
+      if (s.has_changed) s.is_factored = false;
       const double before = s.residual;
       s.residual = set_residuals(equations_.trees()[t], stage, s.h_s, s.has_changed);
       const bool is_done = !s.has_changed && (s.residual < kConverged || s.residual > kStagnation * before);
@@ -621,6 +619,31 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
     if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.segment) ? block.law.causes(block.segment) : 0;
   });
   return any_off;
+}
+
+// How much faster than along its row the curved path to the predicted pose leads each coordinate.
+void JointSolver::set_leads(Stage stage, IndexRange trees) {
+  for (int t = trees.begin; t < trees.end; ++t) {
+    const JointEquations::Tree& tree = equations_.trees()[t];
+    if (!tree_states_[t].is_open() || (stage == Stage::kSolveAgain && tree.has_loop)) continue;
+    for (const std::int32_t k : joints_of(tree)) {
+      const Joint& j = joints_[k];
+      Block& block = blocks_[k];
+      if (!block.is_active || !j.has_coordinate()) continue;
+      const Body &a = bodies_[block.a], &b = bodies_[block.b];
+      const double h_s = tree_states_[t].h_s, way = h_s * speeds(block)[kAxis];
+      double lead;  // in the part
+      if (j.kind == scene::JointKind::kSlider) {
+        lead = coordinate_of(j, a.next, b.next) - j.coordinate - way;
+      } else {
+        // Of a about the axis of b. The hinge's own angle would tell it only where the hinge is not tilted.
+        const Quatd turn = (b.next.orientation * j.frame_b).conjugate() * a.next.orientation *
+                           a.now.orientation.conjugate() * (b.now.orientation * j.frame_b);
+        lead = std::remainder(2.0 * std::atan2(turn.z(), turn.w()) - way, 2.0 * std::numbers::pi);
+      }
+      block.law.set_lead(lead / h_s);
+    }
+  }
 }
 
 // Sets what the speeds along the rows lack, and returns the greatest of it.

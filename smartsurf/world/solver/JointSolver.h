@@ -6,10 +6,11 @@
 // axes are those at which the solution obeys all laws, beginning with those of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
-// end, on the curved path of the bodies; relax() removes the velocity across the constraints at its end. This
-// is RATTLE (H. C. Andersen, 1983): of second order, without drift of the energy. Springs are integrated by
-// the trapezoidal rule: their energy neither grows nor decays, at any stiffness. Within a step, bodies with
-// joints rotate substep by substep.
+// end, on the curved path of the bodies, and the coordinates that motors, friction or limits hold have moved
+// at the right speed; relax() removes the velocity across the constraints at its end. This is RATTLE (H. C.
+// Andersen, 1983): of second order, without drift of the energy. Springs are integrated by the trapezoidal
+// rule: their energy neither grows nor decays, at any stiffness. Within a step, bodies with joints rotate
+// substep by substep.
 #pragma once
 
 #include <algorithm>
@@ -272,6 +273,7 @@ class JointSolver {
   void note_springs(IndexRange trees);
   void add_efforts(IndexRange trees, double sign);
   IndexRange all_trees() const { return {0, static_cast<int>(tree_states_.size())}; }
+  void set_leads(Stage, IndexRange trees);
   double set_residuals(const JointEquations::Tree&, Stage, double h_s, bool has_changed_segments);
   bool is_factored(std::int32_t tree) const;
   void factor(std::int32_t tree);
