@@ -251,7 +251,7 @@ class MjcfReader {
       const auto ends = e.numbers("fromto", 6, 6);
       const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
       half_length = 0.5 * (to - from).norm();
-      // Of a box MuJoCo turns the z axis to its start, which decides how its sides lie.
+      // MuJoCo turns a box's z axis to its start, which decides how its sides lie.
       g.pose = {0.5 * (from + to), along_z(e.with("fromto"), type == "box" ? from - to : to - from)};
     }
     if (type == "sphere") {

@@ -461,7 +461,7 @@ void Run::set_ending(int exit_status, std::string outcome, std::string title, st
   if (!ending_) ending_ = Ending{exit_status, std::move(outcome), std::move(title), success};
 }
 
-// Of a run that was done but for on_finish. What the script said of success stays.
+// Ends a run that failed in on_finish only. What the script said of success stays.
 void Run::replace_ending(int exit_status, std::string outcome) {
   if (ending_ && ending_->exit_status != common::kDone) return;
   ending_ = Ending{exit_status, std::move(outcome), "", ending_ ? ending_->success : std::nullopt};

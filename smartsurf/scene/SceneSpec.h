@@ -215,7 +215,7 @@ struct SurfaceSpec {
   // channel is the union of their ranges, its safe value one that all of them clamp to their own, if any.
   std::vector<ActuatorChannel> actuator_channels() const;
   int index(int row, int column) const { return row * columns + column; }
-  // Of the cell with this index, u.
+  // Height of the base under the cell with this index, u.
   float base_height(std::size_t cell) const { return base_heights.empty() ? 0.0F : base_heights[cell]; }
   bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == rows - 1 || column == columns - 1;

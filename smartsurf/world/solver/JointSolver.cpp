@@ -636,7 +636,7 @@ void JointSolver::set_leads(Stage stage, IndexRange trees) {
       if (j.kind == scene::JointKind::kSlider) {
         lead = coordinate_of(j, a.next, b.next) - j.coordinate - way;
       } else {
-        // Of a about the axis of b. The hinge's own angle would tell it only where the hinge is not tilted.
+        // The turn of a about b's axis. The hinge's own angle tells it only where the hinge is not tilted.
         const Quatd turn = (b.next.orientation * j.frame_b).conjugate() * a.next.orientation *
                            a.now.orientation.conjugate() * (b.now.orientation * j.frame_b);
         lead = std::remainder(2.0 * std::atan2(turn.z(), turn.w()) - way, 2.0 * std::numbers::pi);

@@ -69,7 +69,7 @@ TEST(AxisLaw, IsObeyedWhereItsPlacesLead) {
     const AxisLaw law = drawn.law();
     const double start = std::uniform_real_distribution<double>(-2.0, 2.0)(random);
     const auto causes = static_cast<std::uint8_t>(1U << random() % 5);
-    // Of a single axis the first segment is the right one already, unless it was held before.
+    // A single axis begins in the right segment, unless it was held before.
     const int first = law.first_segment(causes, start, 0.0, 1.0);
     int segment = law.segment_of(causes, start);
     const bool was_held = AxisLaw::is_held(segment);
