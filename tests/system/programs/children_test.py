@@ -109,25 +109,28 @@ class Children(ChildrenTest):
             processes = tree(child.pid)
             places = len(processes)
             killed = processes[place]
+            place += 1
             if killed.command.startswith(("sleep", "head")):  # what a foreign program has started is its own affair
-                self.kill_all()
-                self.finish(child)
-                place += 1
+                self.clear(child)
                 continue
-            with self.subTest(killed=f"{place}: {killed.command[:60]}", of=[p.command[:30] for p in processes]):
+            with self.subTest(killed=f"{place - 1}: {killed.command[:60]}", of=[p.command[:30] for p in processes]):
                 os.kill(killed.pid, signal.SIGKILL)
                 status, _, err = self.finish(child)
                 self.assertNotEqual(status, 0)
                 self.wait_for(lambda: not [p for p in processes if p.lives()],
                               lambda: f"the end of {[p.command for p in processes if p.lives()]}")
                 # The broker names and removes files; nobody else may.
-                may_stay = killed_broker_leaves if "smartsurf" in killed.command and place > 0 else ()
+                may_stay = killed_broker_leaves if "smartsurf" in killed.command and place > 1 else ()
                 self.wait_for(lambda: all(name.startswith(may_stay) for name in self.left()), lambda: f"the removal of {self.left()}")
-            self.kill_all()
-            for path in (self.folder / "work").iterdir():
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-            place += 1
+            self.clear(child)
         return places
+
+    def clear(self, child):
+        """Ends the child with its tree, and removes what a killed one has left."""
+        self.kill_all()
+        child.wait(PATIENCE)
+        for path in (self.folder / "work").iterdir():
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     @staticmethod
     def runs(*commands):
