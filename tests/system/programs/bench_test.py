@@ -60,6 +60,17 @@ class Bench(ProgramTest):
         self.assertRegex(text, r"poured[^|]*\| 0.5 \| 0.75 \|")
         self.assertRegex(text, r"bricks[^|]*\| 3 \| 4 \|")
 
+    def test_report_of_hardening(self):
+        def line(hardened, physics, arrays):
+            return [{"benchmark": "physics", "case": "8x8 1", "who": "ours", "cpu_ms": physics, "hardened": hardened},
+                    {"benchmark": "arrays", "case": "W1 8", "who": "apron", "least_us": arrays, "hardened": hardened},
+                    {"benchmark": "arrays", "case": "W1 8", "who": "apron, 2 threads", "least_us": 99, "hardened": hardened}]
+        self.measured("hardening", line(True, 3, 1) + line(False, 2, 1) + line(True, 2.5, 1) + line(False, 2, 8) + line(True, 9, 1) + line(False, 9, 1.25))
+        text = self.report()
+        self.assertIn("median of 3", text)
+        self.assertIn("| 8x8 1, ms a step | 3 | 2 | +50.0 % |", text)
+        self.assertIn("| W1 8, µs a run | 1 | 1.25 | -20.0 % |", text)
+
     def test_report_of_environments(self):
         def line(who, rate, threads=1, **more):
             return {"who": who, "case": "8x8 1", "threads": threads, "steps_per_s": rate, "steps_per_cpu_s": rate / threads, **more}
