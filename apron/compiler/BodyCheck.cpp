@@ -196,7 +196,7 @@ bool has_define(const Macro& macro) {
   });
 }
 
-// Only a real call tells what a name that is made of an argument means.
+// Only a real call determines the meaning of a name that is made of an argument.
 bool joins_arguments(const Macro& macro) {
   return std::ranges::any_of(macro.body, [](const syntax::Line& line) {
     const syntax::Tokens& tokens = line.tokens;

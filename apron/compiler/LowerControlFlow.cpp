@@ -205,7 +205,7 @@ Value Lowering::compute_scalar(Opcode op, const std::vector<Value>& operands) {
   return result;
 }
 
-// For a step that is no constant.
+// For a step that is not constant.
 void Lowering::jump_unless_fraction(const Block& block, ProgramBuilder::Label label) {
   emit_conditional_jump({Opcode::kGt, borrowed(block.fraction), Value::from_constant(0.0)}, false, label);
 }

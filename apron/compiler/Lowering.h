@@ -64,7 +64,7 @@ class Lowering {
     Shape where_shape;
     Value condition;  // of a where: its cells, if registers that ignore masks may be written in it
     Value counter, bound, step;
-    Value direction, fraction;  // of a step that is no constant: its sign, what it is beyond a whole number
+    Value direction, fraction;  // of a step that is not constant: its sign, what it is beyond a whole number
     // A `for` with a fraction as its step counts its rounds, from 0; its counter is first + round · step.
     Value first, round, last_round;
 

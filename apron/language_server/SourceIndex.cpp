@@ -256,7 +256,8 @@ class SourceIndex::Builder {
     return number ? &index_.symbols_[*number] : nullptr;
   }
 
-  // Returns what a part of a ## b stands for: a name that is no parameter and no counter, for itself.
+  // Returns what a part of a ## b stands for: a name that is neither a parameter nor a counter stands for
+  // itself.
   Join::Kind part_kind(const Token& token) const {
     const Symbol* const symbol = find_symbol(token);
     if (token.kind == TokenKind::kParameter) return Join::Kind::kWord;

@@ -278,7 +278,7 @@ class Generator {
     return {std::max(bytes[0], bytes[1]), std::max(bytes[2], bytes[3])};
   }
 
-  // The most passes of a region in a tick; 1 if only run time tells.
+  // The most passes of a region in a tick; 1 if only run time shows.
   std::size_t passes(std::size_t region) const {
     std::vector<double> visits(tile_.regions.size());
     visits[region] = 1.0;

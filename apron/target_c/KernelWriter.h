@@ -56,7 +56,7 @@ class KernelWriter {
   std::size_t function_count() const { return shapes_.size(); }
 
  private:
-  // A kernel but for its constants, which are numbered in the text between \1 and \2.
+  // A kernel without its constants, which are numbered in the text between \1 and \2.
   struct Constant {
     std::string text;
     const char* c_type;

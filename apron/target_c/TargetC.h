@@ -23,7 +23,7 @@ struct Options {
   double link_baud = 0.0, rate_hz = 60.0, turnaround_s = 20e-6;
 };
 
-// The cost of one tick: the most of each quantity; of a loop whose number of passes only run time tells, one
+// The cost of one tick: the most of each quantity; of a loop whose number of passes only run time shows, one
 // pass.
 struct Report {
   std::size_t rounds = 0, waits = 0;  // a round whose values need corners waits twice

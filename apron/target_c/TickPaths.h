@@ -15,7 +15,7 @@ class TickPaths {
  public:
   TickPaths(const TileProgram& program, const Schedule& schedule);
 
-  // The most of a quantity, given by region, that a tick meets. A loop whose passes only run time tells
+  // The most of a quantity, given by region, that a tick meets. A loop whose passes only run time shows
   // counts once.
   double most(const std::vector<double>& quantity) const;
   // True if such a loop has some of it.
@@ -34,7 +34,7 @@ class TickPaths {
   void find_components();
 
   std::vector<Node> nodes_;
-  std::vector<std::size_t> backwards_;  // each after those that follow it, but for loops
+  std::vector<std::size_t> backwards_;  // each after those that follow it, except in loops
   std::vector<bool> is_loop_;           // by component: strongly connected
 };
 

@@ -154,7 +154,7 @@ constexpr int kPictureCalls[] = {SCMP_SYS(mmap),
                                  SCMP_SYS(shmdt),
                                  SCMP_SYS(shmctl)};
 
-// Another program, or another process's memory: whoever tries is no reader.
+// Another program, or another process's memory: a reader never tries.
 constexpr int kFatalCalls[] = {SCMP_SYS(execve), SCMP_SYS(execveat), SCMP_SYS(ptrace),
                                SCMP_SYS(process_vm_readv), SCMP_SYS(process_vm_writev)};
 // The caller falls back to the older call, whose arguments the filter can see.

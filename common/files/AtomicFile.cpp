@@ -41,8 +41,8 @@ std::error_code write_all(const fs::path& path, std::string_view bytes, int crea
   return error;
 }
 
-// The open descriptor that a path stands for. Opened by its path, a redirected stream would start anew at the
-// beginning of its file.
+// The open descriptor that a path stands for. Opened by its path, a redirected stream would start again at
+// the beginning of its file.
 std::optional<int> descriptor_of(const std::string& path) {
   if (path == "/dev/stdout") return STDOUT_FILENO;
   if (path == "/dev/stderr") return STDERR_FILENO;

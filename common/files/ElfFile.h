@@ -7,7 +7,7 @@
 namespace common {
 
 // "", or in one clause that the file ends before the segments that its program headers name: the first access
-// to one would raise SIGBUS. What is no 64-bit ELF file is left to the dynamic linker.
+// to one would raise SIGBUS. What is not a 64-bit ELF file is left to the dynamic linker.
 std::string find_missing_segment(const std::filesystem::path& file);
 
 }  // namespace common

@@ -7,7 +7,7 @@
 namespace common {
 
 // Absolute, also of a file that does not exist: a link to it stands for the file that it names. Empty if the
-// links have no end or a folder cannot be read, which the error code tells.
+// links have no end or a folder cannot be read, which the error code shows.
 std::filesystem::path real_path(const std::filesystem::path&);
 std::filesystem::path real_path(const std::filesystem::path&, std::error_code&);
 // True if the path leads nowhere, whoever may read what: too long a name, endless links, a file as a folder.

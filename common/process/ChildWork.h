@@ -39,7 +39,7 @@ void limit_address_space(std::size_t bytes) noexcept;
 // SIGPROF ends this process, which has just been forked, when it has used so much more processor time, and
 // the kernel (RLIMIT_CPU) a second or two later if foreign code in it has switched that off.
 void limit_processor_time(double seconds) noexcept;
-// Whether that has ended a process: its status, as of wait(), and what it used.
+// True if that limit ended a process with this wait() status and usage.
 bool ran_out_of_time(int status, const rusage& used, double seconds) noexcept;
 
 // Processor time of the children that the calling thread has waited for here.

@@ -82,7 +82,7 @@ std::vector<pid_t> children() {
   return all;
 }
 
-// Bytes that a process has read and written; nullopt: the kernel does not tell.
+// Bytes that a process has read and written; nullopt: the kernel does not report them.
 std::optional<std::uint64_t> data_of(pid_t process) {
   std::ifstream file("/proc/" + std::to_string(process) + "/io");
   std::string name;

@@ -2,8 +2,8 @@
 //
 // Schedulers may leave two threads of a team on one core while another is idle: each runs for so short a time
 // before it waits for the other that their caches count as hot, which keeps them from being moved, on Linux
-// for tens of milliseconds. Threads that wait for each other therefore tell each other where they run, and
-// one of two that share a core leaves it.
+// for tens of milliseconds. Threads that wait for each other therefore publish the core on which they run,
+// and one of two that share a core leaves it.
 #pragma once
 
 namespace common {

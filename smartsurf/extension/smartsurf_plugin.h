@@ -145,7 +145,7 @@ typedef struct smartsurf_plugin_actuator_context {
 } smartsurf_plugin_actuator_context;
 
 /* The motion of the cells in the coming physics step. Arrays have rows × columns entries; an actuator reads
- * and writes those of its own cells only. What it wrote in the last step is still there, but for `speed` of
+ * and writes those of its own cells only. What it wrote in the last step is still there, except `speed` of
  * cells with a force limit: the physics lowers it to that which the load allows, and min_height bounds it. */
 typedef struct smartsurf_plugin_motion {
   uint32_t size;
@@ -187,7 +187,7 @@ typedef struct smartsurf_plugin_actuator {
    * along the world's axes. `height`: as in smartsurf_plugin_motion. Null unless SMARTSURF_EXERTS_FORCES. */
   void (*add_forces)(void* instance, double dt_s, const float* height,
                      const smartsurf_plugin_objects* objects, float* wrenches);
-  /* Saves what changes in an instance during a run, but for the motion of its cells, which the program saves:
+  /* Saves what changes in an instance during a run, except the motion of its cells, which the program saves:
    * returns the number of bytes, and writes them if there is room for that many. */
   uint64_t (*save)(void* instance, void* bytes, uint64_t room);
   /* Restores what save() wrote; non-zero if the bytes are not of that kind. If save or restore is null, the

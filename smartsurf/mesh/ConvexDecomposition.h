@@ -23,7 +23,7 @@ struct DecompositionLimits {
 // not much larger. The greedy search follows K. Mamou, "Volumetric hierarchical approximate convex
 // decomposition" (Game Engine Gems 3, 2016), but cuts the surface exactly instead of using voxels.
 //
-// A hollow solid such as a mug, of which these parts exceed it by more than a tenth, is decomposed anew:
+// A hollow solid such as a mug, of which these parts exceed it by more than a tenth, is decomposed again:
 // shells outside each other apart, and each part halved across the principal axes of its surface, which turns
 // walls into short arcs.
 std::vector<std::vector<Eigen::Vector3d>> decompose_convex(const TriangleMesh&, const DecompositionLimits&);

@@ -1,5 +1,5 @@
 // Keeps decompositions of meshes in files, so that a mesh is decomposed once. Nothing depends on them: what
-// is missing, damaged or cannot be written is computed anew, with the same bits.
+// is missing, damaged or cannot be written is computed again, with the same bits.
 #pragma once
 
 #include <Eigen/Core>

@@ -16,7 +16,7 @@ using nlohmann::json;
 
 constexpr int kFloatComponents = 5126;  // GL_FLOAT
 
-// The JSON of the file, or "" if it is no glTF. A binary file begins with 12 bytes, the length of its JSON,
+// The JSON of the file, or "" if it is not glTF. A binary file begins with 12 bytes, the length of its JSON,
 // its type.
 std::string json_text(const std::filesystem::path& file) {
   constexpr std::size_t kLengthAt = 12, kTextAt = 20;

@@ -204,7 +204,7 @@ class Batch {
       }
     }
   }
-  // As for_each(), for parameters: after an error all worlds have those from before.
+  // Like for_each(), but restores the parameters of all worlds after an error.
   template <class Work>
   void change_parameters(const std::vector<int>& worlds, std::size_t numbers, const Work& work) {
     std::vector<Environment::ParameterSettings> before;

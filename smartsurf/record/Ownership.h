@@ -1,4 +1,4 @@
-// What belongs to the process that made it and not to those forked from it.
+// Resources that a forked child must not use.
 #pragma once
 
 namespace smartsurf::record {

@@ -159,7 +159,7 @@ ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common:
   }
   common::add_outputs(confinement, prepared_->outputs);
   for (const fs::path& folder : prepared_->script_folders) confinement.write_folders.push_back(folder);
-  // The segment's file, and the process table, which tells whether a controller without a lock lives.
+  // The segment's file, and the process table, which shows whether a controller without a lock lives.
   for (const Prepared::OneRun& run : prepared_->runs) {
     if (run.surface_name) {
       confinement.write.emplace_back(run.surface_name->file());

@@ -146,7 +146,7 @@ class Boards {
       observer_.emplace(
           ObserverEndpoint::attach(surface + ".boards", {.timeout = std::chrono::milliseconds(0)}));
     } catch (const shm_protocol::Error&) {
-      return;  // the surface is no table of boards
+      return;  // the surface is not a table of boards
     }
     const Description& d = observer_->description();
     for (int i = 0; i < std::ssize(d.channels); ++i) {

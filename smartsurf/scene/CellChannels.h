@@ -16,7 +16,7 @@ class CellChannels {
   // The channel of the cell's own actuator, null if it has none. channel: index in
   // SurfaceSpec::actuator_channels().
   const ActuatorChannel* find(std::size_t channel, std::size_t cell) const;
-  // Of every cell; those without the channel have the surface's.
+  // The safe value of every cell; the surface's for cells without the channel.
   std::vector<float> safe_values(std::size_t channel) const;
 
  private:

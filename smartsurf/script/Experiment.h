@@ -93,7 +93,7 @@ class Experiment {
   // for restart() only.
   void save(common::StateArchive&);
   void restore(common::StateArchive&);
-  // Identifies the script's functions and the files that it has read while it loaded, but for meshes: a state
+  // Identifies the script's functions and the files that it has read while it loaded, except meshes: a state
   // fits experiments of equal value.
   std::uint64_t state_fingerprint() const;
   // Back to the state after loading, with another seed. Call start() next. Requires !has_drawn() after

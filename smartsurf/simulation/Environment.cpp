@@ -49,7 +49,7 @@ std::uint64_t hash_of(const scene::Solid& solid) {
   return hash_of(bytes);
 }
 
-// Differs for everything that makes a saved state useless but for the engine: another script, file or option.
+// Differs for everything that makes a saved state useless except the engine: another script, file or option.
 std::uint64_t fingerprint_of(const script::Experiment& experiment) {
   const scene::SceneSpec& scene = experiment.scene();
   std::string text = scene.source;

@@ -8,7 +8,7 @@
 //   sensor_noise, sensor_dead, …               faults.sensor.…, and those of sensors with one of their own
 //   any name of SceneParameter.h               one number for all its objects; not a fault of cells
 //
-// Objects that come later have them, too, but for those of a parameter.
+// Objects that come later have them, too, except those of a parameter.
 #pragma once
 
 #include <memory>

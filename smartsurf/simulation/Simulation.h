@@ -99,7 +99,7 @@ class Simulation final : public script::SimulationInterface {
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
 
-  // Saves or restores the state between two ticks, but for the experiment's: into a simulation of the same
+  // Saves or restores the state between two ticks, except the experiment's: into a simulation of the same
   // experiment and seed. Throws common::UserError for what cannot be saved, and for a damaged state.
   void archive(common::StateArchive&);
 

@@ -15,7 +15,7 @@
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Substeps.h"
-#include "smartsurf/world/body/BodyIndex.h"
+#include "smartsurf/world/body/BodyMap.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/broadphase/UniformGrid.h"
@@ -91,7 +91,7 @@ class CollisionPipeline {
   // Pairs of bodies that were swept in the last find_contacts(); calls visit(a, b) for the member's share of
   // them. b may be static.
   bool any_swept() const { return swept_pairs_ > 0; }
-  // True if a pair contact of the last find_contacts() is on a body that is no sphere.
+  // True if a pair contact of the last find_contacts() is on a body other than a sphere.
   bool any_flat_pair() const { return any_flat_pair_; }
   template <class Visit>
   void for_each_swept_pair(const Member& member, Visit visit) const {
@@ -153,7 +153,7 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // the member that collides the slab
     bool overloaded = false;
-    bool has_flat_pair = false;    // a manifold on a body that is no sphere
+    bool has_flat_pair = false;    // a manifold on a body other than a sphere
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
@@ -261,7 +261,7 @@ class CollisionPipeline {
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none
   };
-  BodyIndex<SupportReference> previous_support_of_body_{{-1, -1}};
+  BodyMap<SupportReference> previous_support_of_body_{{-1, -1}};
   std::vector<BodyRunOutput> pair_output_, static_output_;  // one per body run
   SlabRanges pair_ranges_, static_ranges_;
   std::vector<std::size_t> contacts_per_slab_;  // in the last find_contacts()

@@ -59,15 +59,15 @@ class Engine {
   // does. Wakes the objects, as the functions below do.
   virtual scene::JointId add_joint(const scene::JointSpec&) = 0;
   virtual bool has_joint(scene::JointId) const = 0;
-  // The joint must exist; for the second and third, have a coordinate.
+  // The joint must exist; set_motor() and set_spring() need a hinge or slider.
   virtual void remove_joint(scene::JointId) = 0;
   virtual void set_motor(scene::JointId, const scene::JointMotor&) = 0;
   virtual void set_spring(scene::JointId, const scene::JointSpring&) = 0;
   virtual scene::JointState joint_state(scene::JointId) const = 0;
 
-  // The live objects, for actuators, in the poses to which their velocities take them by the mean of the
-  // times at which the substeps begin: with the forces there, a swing in a field keeps its energy. Valid
-  // until the next step or until objects are added, removed or their states set.
+  // The live objects, for actuators, extrapolated with their velocities to the mean start time of the next
+  // step's substeps, so that an oscillation in a force field keeps its energy. Valid until the next step or
+  // until objects are added, removed or their states set.
   virtual surface::BodyView bodies() const = 0;
   // External force and torque on each body during the next step, in the order of bodies(); reset to zero
   // after it. A nonzero wrench wakes its body.
@@ -87,14 +87,14 @@ class Engine {
   virtual int sleeping_count() const = 0;
 
   // Copies object states, field heights, the contact count and the state hash; reuses the vectors' memory.
-  // Leaves tick and time to the caller. with_hash: an engine may leave the hash as it is without.
+  // Leaves tick and time to the caller. with_hash: if false, the hash may be left unchanged.
   virtual void snapshot(scene::Snapshot&, bool with_hash = true) const = 0;
 
   // True if the last step did not take place, because more objects overlap than solids can: memory and time
   // for their contacts would have no bound.
   virtual bool is_overloaded() const { return false; }
 
-  // Saves or restores all state on which the coming steps depend, but for the field. `catalogue`: every
+  // Saves or restores all state on which the coming steps depend, except the field. `catalogue`: every
   // object ever created, index = id; the engine has those of the first `declared` in common with the one that
   // was saved. Restored, an engine continues with the same bits, for any number of threads. Throws
   // common::UserError if the engine cannot do this.

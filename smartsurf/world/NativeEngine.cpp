@@ -177,7 +177,7 @@ std::span<surface::Wrench> NativeEngine::wrenches() {
   return bodies_.wrench;
 }
 
-// As the solver would have at the end of the step.
+// Finds the loads that the solver would have stored at the end of the step.
 void NativeEngine::find_loads() const {
   if (!std::exchange(lacks_loads_, false)) return;
   std::vector<std::int32_t> manifold_of(bodies_.id.size());

@@ -266,7 +266,7 @@ void NativeEngine::stop_at_bodies(const Member& member) {
   own.clear();
   const SpatialPartition& partition = collision_.partition();
   collision_.for_each_swept_pair(member, [&](std::size_t a, std::size_t b) {
-    // Where free rotation takes the body, which is not along its spin.
+    // Free rotation changes the axis of rotation, so the body does not turn about its spin.
     const auto motion_of = [&](std::size_t i) {
       if (!bodies_.is_active(i)) return DeltaPose{};
       const int row = partition.row(static_cast<std::int32_t>(i));

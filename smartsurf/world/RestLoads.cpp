@@ -69,7 +69,7 @@ bool RestLoads::is_incomplete() const {
          std::ranges::any_of(island_, [this](std::int32_t body) { return !touches_of(body).empty(); });
 }
 
-// The sleepers that touch each other. Returns whether their loads are found here.
+// Collects the sleepers connected to `from`. Returns false if their loads are not balanced here.
 bool RestLoads::collect_island(const BodyStore& bodies, std::int32_t from, const SleepingContacts& contacts) {
   island_.assign(1, from);
   index_of_body_[from] = 0;
@@ -193,7 +193,7 @@ void RestLoads::add_patch(SupportPatch& p, SupportSamples& s, const Vec3& normal
   }
 }
 
-// Sets the loads that the impulses are to balance, and what they lack.
+// Sets the load on each body, and the residual that the impulses leave of it.
 void RestLoads::add_weight_and_neighbours(const BodyStore& bodies, const ContactList& pair_contacts) {
   load_.assign(island_.size(), Vector6{});
   own_weight_.clear();
@@ -274,7 +274,7 @@ bool RestLoads::solve() {
 }
 
 // impulse = start + weight · Jᵀ·x, with which the impulses balance the load: (J · weight · Jᵀ)·x = what they
-// lack. Returns whether they do, but for what no contact can bear, as a ball's weight along a face that is
+// lack. Returns whether they do, except for what no contact can bear, as a ball's weight along a face that is
 // hardly tilted.
 bool RestLoads::find_impulses() {
   const auto is_free = [&](const Row& r) { return r.is_free && (r.normal < 0 || rows_[r.normal].is_free); };
@@ -310,7 +310,7 @@ bool RestLoads::find_impulses() {
   }
 }
 
-// From what the bodies lack.
+// Removes an impulse along the row from the residuals.
 void RestLoads::subtract(const Row& r, double impulse) {
   Map6(residual_[r.a].data()) -= impulse * ConstMap6(r.on_a.data());
   if (r.b >= 0) Map6(residual_[r.b].data()) -= impulse * ConstMap6(r.on_b.data());

@@ -72,7 +72,7 @@ void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResu
   results.contact_count = contact_count() - contacts_before;
 }
 
-// Appends what the slab has to the merged lists, while its own are those.
+// Finds the slab's contacts directly in the merged lists, which replace its own during the call.
 void CollisionPipeline::collide_slab_in_place(const BodyStore& bodies, int slab, SlabResults& results,
                                               ContactList& pair_contacts, ContactList& static_contacts) {
   const auto swap_lists = [&] {

@@ -197,7 +197,7 @@ void Sleep::restore_contacts(ContactList& pair_contacts, ContactList& static_con
 // ---- falling asleep
 
 bool Sleep::touches_moving_cell(const Contact& c) const {
-  if (c.partner == Partner::kElasticTop) return false;  // SupportPatch::moves tells
+  if (c.partner == Partner::kElasticTop) return false;  // SupportPatch::moves decides
   return c.gives_way() || (c.loads_cell() && (!c.surface_velocity.isZero(0.0F) || c.surface_spin != 0.0F));
 }
 

@@ -50,7 +50,7 @@ class Sleep {
   const RestLoads& rest_loads() const { return rest_loads_; }
 
   // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
-  // With all bodies that joints connect with it, which sleep only together, and what lies on any of these.
+  // Wakes the body, those that joints connect with it, and whatever lies on any of them.
   void wake(BodyStore&, std::size_t body);
   // Also wakes every sleeping body connected to it by contacts.
   void wake_island(BodyStore&, std::size_t body);

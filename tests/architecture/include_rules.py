@@ -89,6 +89,10 @@ PRIVATE = [
     (r"^zlib", {"smartsurf/web"}),
     (r"^pybind11/", {"smartsurf/python", "apron/python"}),
     (r"^CLI/", {"common/cli", "smartsurf/run", "apron/run"}),
+    (r"^nlohmann/", {"smartsurf/mesh", "smartsurf/record", "smartsurf/web", "smartsurf/run", "apron/language_server", "apron/run",
+                     "shm-protocol/tools"}),
+    (r"^png\.h", {"common/image", "apron/run"}),
+    (r"^stb/", {"apron/run"}),
 ]
 
 # Eigen's eigenvalue and singular-value decompositions, which are slow to compile, and the unit that calls them.

@@ -287,7 +287,7 @@ void KernelPreprocessor::define(const KernelToken& token) {
     const auto same = [](const KernelToken& a, const KernelToken& b) { return a.text == b.text; };
     if (std::ranges::equal(macro.body, known->second.body, same)) return;
   } else {
-    // What follows a second definition is not what the program's name means.
+    // A macro that is defined twice cannot keep its name in the program.
     macro.is_kept = defined_.insert(name).second && known == macros_.end() && may_stay(name, macro);
   }
   if (macro.is_kept) out_.push_back(token);

@@ -47,7 +47,7 @@ struct KernelToken {
 };
 
 // Ends with a kEnd token. Unknown characters are punctuators of their own. Numbers are written as APRON
-// writes them, without separators of digits and suffixes; what is no number of C++ is a kString.
+// writes them, without separators of digits and suffixes; what is not a C++ number is a kString.
 std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1,
                                             std::size_t file = 0);
 

@@ -11,7 +11,7 @@ constexpr float kMinHexagon_px = 5.0F;  // narrower ones are not told from brick
 void draw_hexagons(ImDrawList& list, const CellLayout& layout, ImVec2 origin, float cell_edge,
                    const CellRange& visible, const debugger::SampledRegister& sample,
                    const RegisterStyle& style, const debugger::ValueRange& range) {
-  // A narrow gap tells neighbours of one colour apart.
+  // A narrow gap separates neighbours of one colour.
   const float edge = cell_edge >= 8.0F ? cell_edge - 1.0F : cell_edge;
   const ImVec2 white = ImGui::GetFontTexUvWhitePixel();
   for (std::uint32_t y = visible.first_y; y < visible.end_y; ++y)

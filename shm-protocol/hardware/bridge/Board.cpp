@@ -86,7 +86,7 @@ void Board::enter_silence() {
 }
 
 // The board has restarted: its ticks are not those that were answered.
-void Board::begin_anew() {
+void Board::restart() {
   answers_.fill({});
   heard_.fill({});
   enter_silence();
@@ -162,7 +162,7 @@ void Board::on_description() {
   if (description_ && d.boot != boot_) {
     ++counters_.restarts;
     sequence_.restart();
-    begin_anew();
+    restart();
     last_handshake_ = 0;
     events.push_back("board '" + title_ + "' was restarted");
   }
@@ -194,7 +194,7 @@ void Board::on_frame() {
   const auto step = sequence_.next(frame, now(), silence_us_);
   if (!step) return;
   last_frame_ = now();
-  if (step->restarted) begin_anew();
+  if (step->restarted) restart();
   if (!silent_) {  // a silence counts as one, not as so many losses
     if (step->ticks < 1u << 20) counters_.lost += step->ticks - 1;
     counters_.missed += step->missed;

@@ -77,7 +77,7 @@ class Board {
   // The board's tick in the last frame taken.
   std::uint32_t frame_tick() const { return taken_.tick; }
   // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, it is
-  // long ago, or the frame that it answers had two answers, which the board does not tell apart.
+  // long ago, or the frame that it answers had two answers, which the board does not distinguish.
   std::optional<std::int64_t> tick_in_force() const;
   // The same since a period of the board, of the last 64, whose frame came, whether it was taken or not;
   // kSafeValues: safe values. Of two answers to a frame, the newer.
@@ -122,7 +122,7 @@ class Board {
   void on_description();
   void on_frame();
   void enter_silence();
-  void begin_anew();
+  void restart();
   void drop_oldest();
 
   TableBoard spec_;

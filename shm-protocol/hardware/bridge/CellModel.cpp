@@ -320,7 +320,7 @@ void set_values(CellFit& fit, const Fitter& fitter, const CellRecording& c, Opti
 
 CellFit fit_cell(const CellRecording& recording, int most_delay) {
   CellRecording c = recording;
-  // A reading that is no number is not known.
+  // A reading that is NaN is unknown.
   const auto is_number = [](float y) { return std::isfinite(y); };
   std::vector<std::uint8_t> valid(c.valid.begin(), c.valid.end());
   for (std::size_t k = 0; k < valid.size(); ++k) valid[k] = valid[k] && is_number(c.reading[k]);

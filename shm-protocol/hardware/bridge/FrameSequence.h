@@ -13,7 +13,7 @@ namespace hardware {
 class FrameSequence {
  public:
   struct Step {
-    std::uint32_t ticks = 1;   // since the last frame: 1 if none is lost, and if ticks began anew
+    std::uint32_t ticks = 1;   // since the last frame: 1 if none is lost, and if ticks began again
     std::uint32_t missed = 0;  // deadlines that the device newly counts, at most one a tick
     bool restarted = false;    // no description had told it
   };
@@ -36,7 +36,7 @@ class FrameSequence {
     known_ = true;
     return step;
   }
-  // The next frame is no successor of the last one: the line was cut, or the device restarted.
+  // The next frame does not succeed the last one: the line was cut, or the device restarted.
   void restart() { known_ = false; }
 
   bool known() const { return known_; }         // a frame came since the last restart()

@@ -152,7 +152,7 @@ void TableBridge::refuse(std::size_t board, const std::string& why) {
   if (surface_) make_safe(map_.boards()[board]);
 }
 
-// What the sensors of a board said is of no board that is there: its cells read the board's own safe values.
+// Readings of a missing board are stale: its cells read the board's safe values.
 void TableBridge::make_safe(const MountedBoard& board) {
   const std::size_t cells = valid_.size();
   for (const BoardChannel& c : board.channels) {

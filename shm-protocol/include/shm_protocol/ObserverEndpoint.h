@@ -47,8 +47,8 @@ class ObserverEndpoint {
   [[nodiscard]] Status await(Direction, const WaitOptions& = {}) noexcept;
 
   // The channel's array in the last copied frame, in the endpoint's own memory: components × rows × columns.
-  // Zeros before the first frame. Valid until latest() or await() copies the next frame of that direction.
-  // Values are unchecked: a controller's may be NaN or out of range.
+  // Zeros before the first frame. Valid until latest(), next() or await() copies another frame of that
+  // direction. Values are unchecked: a controller's may be NaN or out of range.
   template <class T = float>
   std::span<const T> array(int channel) const noexcept {
     return as_array<const T>(bytes(channel, dtype_of<T>()));

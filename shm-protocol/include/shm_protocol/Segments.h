@@ -10,7 +10,7 @@ namespace shm_protocol {
 enum class Ownership {
   kLiving,   // its surface is running
   kOrphan,   // its surface is dead; the segment may be removed
-  kForeign,  // not a segment of this protocol, or another user's, but for root; never removed
+  kForeign,  // not a segment of this protocol, or another user's, unless root asks; never removed
 };
 
 struct SegmentInfo {

@@ -21,8 +21,8 @@ std::vector<std::string> files_in_shm(const std::string& prefix);
 // longer than a remover needs.
 bool lock_within_bound(int descriptor) noexcept;
 
-// Removes the file if it is an orphan, checked under a lock on the file. False if it is no orphan, is gone or
-// stays locked.
+// Removes the file if it is an orphan, checked under a lock on the file. False if it is not an orphan, is
+// gone or stays locked.
 bool remove_if_orphan(const std::string& file);
 
 }  // namespace shm_protocol

@@ -165,7 +165,7 @@ def fit_motion(rerun: Rerun, label: str, known: Mapping[str, Any], near: str | N
         runs = [predict(log, changed) for changed in also]
         return [view.spread(of_recording) for of_recording in zip(*runs)] if len(runs) > 1 else None
 
-    # Contacts make the sum of squares rough: no derivatives but for the errors.
+    # Contacts make the sum of squares rough: derivatives serve the errors only.
     spread = spread_at(start)
     best = _grid(lambda log: _robust(residuals(log)), start, limits, sorted(range(len(wanted)), key=lambda i: _ORDER.index(wanted[i])))
     free = list(range(len(names)))

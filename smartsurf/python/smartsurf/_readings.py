@@ -14,7 +14,7 @@ from ._residuals import Estimate, quantum
 from .success import wilson
 
 
-_DIFFERENCES_SHARE = 35 / 18  # second differences of white noise that tell as much of its variance as one independent number
+_DIFFERENCES_SHARE = 35 / 18  # second differences of white noise that estimate its variance as well as one independent number
 
 
 @dataclass

@@ -17,7 +17,7 @@ from ._recorded import Array
 
 _WAVES = 12
 _COARSE = 0.7        # of the step: noise below it is found by maximum likelihood
-_FIRST_DIFFERENCES_SHARE = 1.5  # first differences of white noise that tell as much of its variance as one independent number
+_FIRST_DIFFERENCES_SHARE = 1.5  # first differences of white noise that estimate its variance as well as one independent number
 _LEAST_WALK = 0.02   # of the variance of the residuals: what a walk adds to differences over a quarter of a recording
 
 
@@ -183,7 +183,7 @@ def noise_of_rounded(r: Array, x: Array, use: Array, step: float) -> Estimate:
         side = np.abs(m)
         upper, lower = (step / 2 - side) / sigma, (-step / 2 - side) / sigma
         share = special.ndtr(upper) - special.ndtr(lower)
-        counts = use & (share > 1e-12)  # what is farther off tells nothing
+        counts = use & (share > 1e-12)  # what is farther off is ignored
         share = np.where(counts, share, 1)
         dense = [np.exp(-0.5 * e * e) / math.sqrt(2 * math.pi) for e in (upper, lower)]
         slope = (dense[0] - dense[1]) / share / sigma  # of the logarithm, towards larger x

@@ -3,11 +3,10 @@ python -m smartsurf.identify.
 
     smartsurf identify run.h5[,NAME=VALUE…] [more.h5 …] --experiment table.lua -o identified.lua
 
-A recording of a live surface does not know the options of the experiment with which it is to be compared, such as which object lay on
-the table: they follow its name. The recordings have commands, readings and every tick: record { sensors = true, actuators = true }, or smartsurf record of a live
-surface. Their commands are repeated in the experiment, in which nothing else happens, and its parameters are changed until what it
-does is closest to what was recorded: those of the actuators by cell, those of sensors, and with --object those of one object that
-moves. Writes the experiment with the identified values, which runs as the original does (identified.lua, and for single cells
+A live recording does not contain the experiment's options, such as which object lay on the table; append them to the file name.
+Recordings need commands, readings and every tick: record { sensors = true, actuators = true }, or `smartsurf record`. The recorded
+commands are replayed in the experiment. Parameters of actuators (per cell), sensors and, with --object, one moving object are fitted
+so that it matches the recording. Writes the experiment with the identified values, which runs as the original does (identified.lua, and for single cells
 identified.csv), a report (identified.txt, identified.json) and a plot (identified.svg). Needs SciPy and h5py.
 """
 from __future__ import annotations
@@ -41,14 +40,14 @@ def _names(text: str) -> tuple[str, ...]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command. arguments: without the program's name [sys.argv]."""
     parser = Parser(prog="smartsurf identify", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="+", metavar="FILE.h5")
-    parser.add_argument("--experiment", required=True, metavar="FILE.lua")
-    parser.add_argument("-o", "--output", required=True, metavar="FILE.lua")
+    parser.add_argument("recordings", nargs="+", metavar="FILE.h5", help="recording, with options of the experiment after commas")
+    parser.add_argument("--experiment", required=True, metavar="FILE.lua", help="experiment to fit")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE.lua", help="identified experiment")
     parser.add_argument("--channel", default="height", help="actuator channel that moves the cells [height]")
     parser.add_argument("--sensor", default="pin_height", help="sensor channel of their heights [pin_height; else the simulator's heights]")
-    parser.add_argument("--object", metavar="LABEL", help="object that moves")
-    parser.add_argument("--fit", type=_names, default=PARAMETERS, metavar="NAME,…", help=f"of the object [{','.join(PARAMETERS)}]")
-    parser.add_argument("--seconds", type=positive, help="of its motion that count, from the start of each recording [all]")
+    parser.add_argument("--object", metavar="LABEL", help="moving object to fit")
+    parser.add_argument("--fit", type=_names, default=PARAMETERS, metavar="NAME,…", help=f"parameters of the object to fit [{','.join(PARAMETERS)}]")
+    parser.add_argument("--seconds", type=positive, help="seconds of its motion that count, from the start of each recording [all]")
     parser.add_argument("--set", action="append", type=_option, default=[], metavar="NAME=VALUE", help="option of the experiment")
     how = parser.parse_args(arguments)
     try:

@@ -97,7 +97,7 @@ void write_attribute(hid_t object, const char* name, hid_t type, const void* val
 void write_attribute(hid_t object, const char* name, double value);
 void write_attribute(hid_t object, const char* name, std::uint64_t value);
 
-// Both throw where the file cannot tell. Each part of a path `name` but the last must exist.
+// Both throw where the file cannot be read. Each part of a path `name` but the last must exist.
 bool has_link(hid_t parent, const char* name);
 bool has_attribute(hid_t object, const char* name);
 std::string read_text_attribute(hid_t object, const char* name);

@@ -37,7 +37,7 @@ struct LineStyle {
   Rgba color;
   std::vector<double> dashes;
 };
-// The dashes that tell lines of one colour apart; the first is solid.
+// The dashes that distinguish lines of one colour; the first is solid.
 inline const std::vector<double> kLineDashes[] = {
     {}, {6.0, 3.5}, {1.5, 2.5}, {8.0, 3.0, 1.5, 3.0}, {12.0, 4.0}};
 

@@ -160,7 +160,7 @@ std::size_t PatternMatcher::close_capture(std::size_t s, std::size_t p) {
 }
 
 std::size_t PatternMatcher::match_back_reference(std::size_t s, char digit) {
-  const std::size_t i = digit - '1';  // wraps for '0', which is no capture
+  const std::size_t i = digit - '1';  // wraps for '0', which is not a capture
   if (i >= capture_count_ || captures_[i].open)
     throw ScriptError("invalid capture index %" + std::to_string(i + 1) + " in pattern");
   const Capture& capture = captures_[i];

@@ -257,7 +257,7 @@ class Writer {
  private:
   void tag(Tag t) { out_.value(t); }
 
-  // Returns false if the value on top is no handle.
+  // Returns false if the value on top is not a handle.
   bool write_handle() {
     for (std::uint8_t type = 0; type < std::size(kHandleTypes); ++type) {
       const scene::ObjectId* const id = test_handle(L_, -1, kHandleTypes[type]);

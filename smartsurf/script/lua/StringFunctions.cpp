@@ -18,7 +18,7 @@ int metered(Sandbox& sandbox, lua_State* L) {
   return call_wrapped(L);
 }
 
-// Doubles the text, so that its length alone tells the work.
+// Doubles the text, so that its length alone determines the work.
 int rep(Sandbox& sandbox, lua_State* L) {
   const lua_Integer count = lua_tointeger(L, 2);
   if (count <= 0) return call_wrapped(L);

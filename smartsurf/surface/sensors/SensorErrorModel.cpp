@@ -220,7 +220,7 @@ void SensorErrorModel::compute_readings(std::uint64_t tick, std::size_t first, s
   }
 }
 
-// A measured value at the limit of the range is no detection.
+// A measured value at the limit of the range is not a detection.
 void SensorErrorModel::compute_mask(std::size_t first, std::size_t last) noexcept {
   ChannelState& mask = channels_[mask_];
   const ChannelState& measured = channels_.front();

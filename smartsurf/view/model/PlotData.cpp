@@ -59,7 +59,8 @@ void PlotData::update(const History& history) {
   end_ = history.end();
 }
 
-// Colours that colour-blind readers can tell apart (Okabe and Ito), and a grey; then darker and lighter ones.
+// Colours that colour-blind readers can distinguish (Okabe and Ito), and a grey; then darker and lighter
+// ones.
 std::array<std::uint8_t, 3> curve_colour(std::size_t index) {
   static constexpr std::array<std::array<double, 3>, 7> kColours{{{0, 115, 179},
                                                                   {214, 94, 0},

@@ -12,7 +12,7 @@ namespace {
 // Above this number of cells the array over all cells would cost more than the bodies.
 constexpr int kCellsPerBody = 4, kMinCells = 64;
 // Cells per axis of a sparse grid, half of them on either side of the world's origin. Bodies beyond are as
-// far away as their positions can tell apart, and share the outermost cells.
+// far away as their positions can distinguish, and share the outermost cells.
 constexpr double kMaxCellsPerAxis = 1 << 21;
 
 }  // namespace

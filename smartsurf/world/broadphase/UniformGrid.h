@@ -2,7 +2,7 @@
 // and query the grid.
 //
 // Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are
-// not many more than the bodies, an array over all cells tells where each begins; a sparse world has a list
+// not many more than the bodies, an array over all cells holds where each begins; a sparse world has a list
 // of its occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they
 // are. A few bodies are sorted, for the order of the results, and all tested. Results and their order depend
 // on positions and indices only, not on the number of members.

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "smartsurf/world/body/BodyIndex.h"
+#include "smartsurf/world/body/BodyMap.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/parallel/Team.h"
@@ -25,7 +25,7 @@ class PreviousContacts {
   // The slabs in which the member finds the contacts of this step, for the next build_index().
   void set_own_slabs(IndexRange slabs, const Member& member) { index_[member.index].slabs = slabs; }
 
-  // Call when the lists to be taken over next are not those of the previous step: the slabs no longer tell
+  // Call when the lists to be taken over next are not those of the previous step: the slabs no longer show
   // who found which manifold.
   void forget_slabs() { index_.clear(); }
 
@@ -41,8 +41,8 @@ class PreviousContacts {
 
  private:
   struct alignas(128) MemberIndex {
-    IndexRange slabs{0, 0};                                       // in which the member found its manifolds
-    BodyIndex<std::int32_t> first_pair{-1}, static_manifold{-1};  // by body a; −1 if none
+    IndexRange slabs{0, 0};                                     // in which the member found its manifolds
+    BodyMap<std::int32_t> first_pair{-1}, static_manifold{-1};  // by body a; −1 if none
   };
   template <class Each>
   void for_each_own(const ContactList&, const SlabRanges&, const Member&, Each each) const;

@@ -32,7 +32,7 @@ float max_travel(const BodyStore& bodies, std::size_t i) {
 }
 // Axes of a shape of revolution that has turned since it had the cached ones: turned about its z, so that the
 // same side is the lowest. As it rolls or wobbles, its points stay on that side. The lowest side of a shape
-// that stands nearly upright changes too fast for points of an earlier step to tell where it is.
+// that stands nearly upright changes too fast for points of an earlier step to show where it is.
 Mat3 axes_of_same_side(const Mat3& axes, const Mat3& cached) {
   constexpr float kMinTilt = 0.2F;  // rad
   const float x = axes(2, 0), y = axes(2, 1), cached_x = cached(2, 0), cached_y = cached(2, 1);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/body/BodyIndex.h"
+#include "smartsurf/world/body/BodyMap.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/Columns.h"
@@ -21,7 +21,7 @@ class FieldManifoldCache {
     float top;             // height of the cell when cached, u
     std::int32_t cell;
     std::int32_t part_index, plane;
-    float least_separation;  // nearer, the manifold is found anew
+    float least_separation;  // nearer, the manifold is computed again
   };
   struct CachedManifold {
     std::int32_t body;
@@ -84,7 +84,7 @@ class FieldManifoldCache {
 
   const surface::Field& field_;
   std::vector<ChunkCache> previous_;  // one per chunk
-  BodyIndex<const CachedManifold*> manifold_of_body_{nullptr};
+  BodyMap<const CachedManifold*> manifold_of_body_{nullptr};
 };
 
 }  // namespace smartsurf::world

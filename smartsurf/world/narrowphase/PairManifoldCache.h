@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/world/body/BodyIndex.h"
+#include "smartsurf/world/body/BodyMap.h"
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/narrowphase/Gjk.h"
@@ -79,8 +79,8 @@ class PairManifoldCache {
  private:
   const CachedManifold* find(std::size_t a, std::size_t b, ChunkCache& chunk_cache) const;
 
-  std::vector<ChunkCache> previous_;                          // one per chunk
-  BodyIndex<const CachedManifold*> first_manifold_{nullptr};  // by body a
+  std::vector<ChunkCache> previous_;                        // one per chunk
+  BodyMap<const CachedManifold*> first_manifold_{nullptr};  // by body a
 };
 
 }  // namespace smartsurf::world

@@ -166,7 +166,7 @@ float PairSweep::time_of_overlap() const {
       range.low = std::min(range.low, distance - 0.2F * left);
       range.high = std::min(range.high, distance - 0.1F * left);
       if (left < 0.1F * allowed) {
-        // Beyond what is known, by half of what is left until nothing tells on which side they are.
+        // Beyond what is known, by half of what is left until their side is unknown.
         const float end = known / kKnownShare + distance;
         if (end < 1e-3F * allowed) return;
         range = {distance - 0.75F * end, distance - 0.5F * end};

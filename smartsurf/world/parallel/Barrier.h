@@ -67,7 +67,7 @@ class Barrier {
   void wait_for(const ArrivalSlot& other, unsigned target) {
     const std::int64_t spins = common::spins_of_this_thread;
     if (!spins_ || !common::spin_until([&] { return other.has_reached(target); })) sleep_until(other, target);
-    // Where the other member has come on this one's core, both want it now.
+    // A long wait for a member on the same core: both need it, so this one moves.
     const bool was_long = common::spins_of_this_thread - spins >= common::kSpinsPerLook;
     if (was_long && other.core.load(std::memory_order_relaxed) == common::current_core())
       common::leave_core();

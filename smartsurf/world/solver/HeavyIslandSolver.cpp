@@ -74,7 +74,7 @@ bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, con
   return false;
 }
 
-// A blow is no load.
+// Contacts of fast bodies are impacts, not loads.
 bool is_fast(const BodyVelocity& v) {
   constexpr double kMaxLoadSpeed_ups = 1.0;
   return to_double(v.velocity).squaredNorm() > kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
@@ -112,7 +112,7 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     const float loading = load[lane] * lighter;
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
-    // As a multiple of what the contact yields in the direct solver.
+    // Deflection relative to that of the direct solver.
     const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.

@@ -1,7 +1,7 @@
 // Impacts: contacts that close faster than the restitution threshold.
 //
 // An impact takes no time, so it is kept out of the substeps: an impacting contact exerts no impulse there.
-// At the end of the step the bodies are set back to where they touch, but for two that meet in flight, which
+// At the end of the step the bodies are set back to where they touch, except two that meet in flight, which
 // move on from where they meet. The impacts are solved in generations, as reflections (B. Smith et al.,
 // Reflections on Simultaneous Impact, 2012): all contacts that approach collide at once, by Newton's law and
 // with Coulomb friction on the same impulse; then those that approach because of it, and so on. So a blow

@@ -66,7 +66,7 @@ double JointSolver::coordinate_of(const Joint& j, const Pose& a, const Pose& b, 
   if (j.kind == scene::JointKind::kSlider)
     return (frame_b * Vec3d::UnitZ())
         .dot(a.position + a.orientation * j.anchor_a - b.position - b.orientation * j.anchor_b);
-  // The turns so far come from the last known angle and, where that is too far away to tell, from the speed.
+  // The turns so far come from the last known angle and, where that is too far away, from the speed.
   constexpr double kFastTurn_rad = 0.5 * std::numbers::pi;
   const double expected = std::abs(turn) < kFastTurn_rad ? j.coordinate : j.coordinate + turn;
   const Quatd q = frame_b.conjugate() * (a.orientation * j.frame_a);
@@ -475,7 +475,7 @@ void JointSolver::hold_at_end_of_part(IndexRange trees) {
     if (j.has_coordinate()) set_law_of_part(j, block, h_s);
   });
   // Trees that are off their joints are solved as they are first, and then moved back. Only from where the
-  // bodies are do the rows tell how the error changes.
+  // bodies are do the rows describe how the error changes.
   for (int t = trees.begin; t < trees.end; ++t) {
     TreeState& s = tree_states_[t];
     s.is_off = s.is_selected() && std::ranges::any_of(joints_of(equations_.trees()[t]), [&](std::int32_t k) {
@@ -636,7 +636,7 @@ void JointSolver::set_leads(Stage stage, IndexRange trees) {
       if (j.kind == scene::JointKind::kSlider) {
         lead = coordinate_of(j, a.next, b.next) - j.coordinate - way;
       } else {
-        // The turn of a about b's axis. The hinge's own angle tells it only where the hinge is not tilted.
+        // The turn of a about b's axis. The hinge's own angle equals it only where the hinge is not tilted.
         const Quatd turn = (b.next.orientation * j.frame_b).conjugate() * a.next.orientation *
                            a.now.orientation.conjugate() * (b.now.orientation * j.frame_b);
         lead = std::remainder(2.0 * std::atan2(turn.z(), turn.w()) - way, 2.0 * std::numbers::pi);

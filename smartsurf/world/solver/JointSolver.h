@@ -136,7 +136,7 @@ class JointSolver {
     double inverse_mass = 0.0;
     Pose start, now, next;  // at the start of the step, at present, and where the substep leads
     Vec3d velocity{0, 0, 0}, angular_velocity{0, 0, 0};
-    // The rows' angular velocities are those of the momentum with the inertia at the start of the step.
+    // Solver rows hold the angular momentum as a velocity, with the inertia at the start of the step.
     Eigen::Matrix3d start_inertia, start_inverse_inertia, inverse_inertia, next_inverse_inertia;
     PrincipalInertia principal;
     Vec3d momentum{0, 0, 0};                                   // angular
@@ -216,12 +216,12 @@ class JointSolver {
   static RowVector rigid_error(const Joint& j, const Pose& a, const Pose& b) {
     return rigid_error(j, j.frame_a, j.anchor_b, a, b);
   }
-  // With this frame and anchor instead of the joint's.
+  // The same for another frame and anchor.
   static RowVector rigid_error(const Joint&, const Quatd& frame_a, const Vec3d& anchor_b, const Pose& a,
                                const Pose& b);
-  // `turn`: of a hinge since its last known angle, as its speed tells, rad.
+  // turn: rotation of a hinge since its last known angle, estimated from its speed, rad.
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b, double turn = 0.0);
-  // From the nearer limit; negative beyond it.
+  // Distance to the nearer limit; negative beyond it.
   static double room_of(const Joint& j) { return std::min(j.coordinate - j.lower, j.upper - j.coordinate); }
   static Pose pose_of(const BodyStore&, std::int32_t body);
   std::span<const std::int32_t> joints_of(const JointEquations::Tree& t) const {

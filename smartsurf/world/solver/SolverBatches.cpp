@@ -101,7 +101,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     for (int lane = 0; lane < kLanes; ++lane)
       least_speed[lane] = std::min(least_speed[lane], point_[k].approach_speed[lane]);
   const ContactList& list = context.contact_list(kind);
-  // What a body gains by its weight in a step is no blow.
+  // The speed gained by gravity within a step is not an impact.
   const float plastic_threshold =
       std::max(ImpactSolver::kThreshold, 2.0F * settings_.gravity.norm() * settings_.dt_s);
   const float threshold = context.any_restitution ? ImpactSolver::kThreshold : plastic_threshold;

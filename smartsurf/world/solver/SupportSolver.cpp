@@ -376,7 +376,7 @@ bool load_cells_of_points(SupportPatches& list, const SupportPatch& p, std::span
   if (any_load && offset <= kOffsetTolerance) return false;
   SupportSamples& s = list.samples;
   const std::ptrdiff_t end = p.first + p.count + p.outlier_count;
-  // That of the point's cell; of a cell at the rim, which the face only touches, the nearest.
+  // The sample of the contact's cell, or the nearest one if the face only touches that cell's rim.
   const auto sample_of = [&](const Contact& c) {
     std::ptrdiff_t nearest = p.first;
     double least = std::numeric_limits<double>::infinity();

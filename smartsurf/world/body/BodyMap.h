@@ -1,5 +1,4 @@
-// Where to find something of a body: a table by body whose clear() does not touch the entries, so that it
-// costs nothing in a world whose bodies sleep.
+// A map from body to value. clear() is O(1), also in a world whose bodies sleep: entries carry a version.
 #pragma once
 
 #include <cstdint>
@@ -10,10 +9,10 @@
 namespace smartsurf::world {
 
 template <class Value>
-class BodyIndex {
+class BodyMap {
  public:
   // `none`: the value of a body that has not been set.
-  explicit BodyIndex(Value none) : none_(none) {}
+  explicit BodyMap(Value none) : none_(none) {}
 
   // Call before the first set(). `bodies`: their number.
   void clear(std::size_t bodies) {
