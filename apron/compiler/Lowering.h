@@ -192,6 +192,7 @@ class Lowering {
   Value retained(Value);
   int integer_constant(const Expression&, std::string_view subject);
   float number_constant(const Expression&, std::string_view subject);
+  const Symbol& add_scalar(const Expression& name);
   const std::string& string_literal(const Expression&, std::string_view subject) const;
   std::string describe_name(const Value&, std::string_view unnamed = "another operand") const;
   std::string describe_shape(const Value&) const;

@@ -55,7 +55,7 @@ const Symbol* SymbolTable::find_element_or_null(const std::string& class_name,
   if (element_class == nullptr) return nullptr;
   const auto found = element_class->elements.find(name);
   if (found != element_class->elements.end()) return &found->second;
-  // A scalar without a declaration is an element of VARIABLE.
+  // So are local names that are scalars, which have no number.
   const Symbol* bare = element_class == &classes_.at("VARIABLE") ? find(name) : nullptr;
   return bare != nullptr && !bare->value.is_register() ? bare : nullptr;
 }
