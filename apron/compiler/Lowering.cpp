@@ -529,6 +529,16 @@ void Lowering::check_jumps() {
           site.location,
           fmt::format("a {} may not cross the edge of a 'where'", site.is_call ? "call" : "jump"),
           {{target.location, fmt::format("the label '#{}' is", display_name(site.name))}});
+    } else {
+      const std::string subject =
+          fmt::format("the {} '#{}'", site.is_call ? "call of" : "jump to", display_name(site.name));
+      for (const Block& loop : target.loops)
+        builder_.require_opening(
+            {site.position, site.location, target.label, loop.opening, loop.end_label,
+             fmt::format("{} enters the '{}' of line {}, which is not running", subject,
+                         loop.kind == BlockKind::kFor ? "for" : "repeat", loop.location.line)});
+      if (target.is_in_macro)
+        builder_.require_values({site.position, site.location, target.label, 0, 0, subject});
     }
   }
 }

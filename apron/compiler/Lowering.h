@@ -56,6 +56,7 @@ class Lowering {
   struct Block {
     BlockKind kind = BlockKind::kIf;
     Location location;
+    std::size_t opening = 0;  // the last instruction before it
     // The labels of a loop: its test, the target of `continue`, and the instruction after the loop.
     ProgramBuilder::Label test_label = 0, continue_label = 0, end_label = 0;
     bool has_else = false;
@@ -93,11 +94,14 @@ class Lowering {
     bool is_bound = false;
     std::uint32_t where_region = 0;
     Location location;
+    bool is_in_macro = false;
+    std::vector<Block> loops;  // around it that count rounds, inner ones last
   };
   struct JumpSite {
     std::string name;
     std::uint32_t where_region = 0;
     Location location;
+    std::size_t position = 0;  // of the instruction
     bool is_call = false;
   };
   struct Comparison {
