@@ -134,15 +134,24 @@ void Lowering::leave_macro(std::uint32_t expansion) {
 
 // ---- masks
 
-// A register that the last statement alone writes needs no merging: nothing in the body sees what it wrote.
+// A register that the last statement alone writes needs no merging: nothing in the body sees what it wrote. A
+// write to an array, of an index that is known at run time, ignores or obeys masks in all elements alike.
 void Lowering::isolate_from_masks(MacroScope& scope, const MacroBody& body, Location location) {
   if (body.sets_base_mask) return;
   scope.mask_base = open_wheres();
   if (!body.is_self_contained) return;
   std::map<std::uint32_t, Value> written;
+  const auto is_written = [&](const Value& value) { return written.contains(value.index); };
+  for (const Expression* call : body.class_writes) {
+    Shape shape = shape_hint_;
+    find_shape(call->children[2], shape);
+    for (const Value& value : registers_of_class(call->children[0].text, shape))
+      written.emplace(value.index, value);
+  }
   for (const Expression* target : body.targets) {
-    if (target == body.last_target) continue;
-    for (const Value& value : written_registers(*target)) written.emplace(value.index, value);
+    const std::vector<Value> registers = written_registers(*target);
+    if (target == body.last_target && std::ranges::none_of(registers, is_written)) continue;
+    for (const Value& value : registers) written.emplace(value.index, value);
   }
   for (const auto& [index, value] : written) {
     const std::optional<std::size_t> outer_base = mask_base(value);

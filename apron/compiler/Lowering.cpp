@@ -438,6 +438,7 @@ void Lowering::lower_builtin_statement(const Builtin& builtin, const Expression&
   if (const auto closed = builtin.closed_block()) return close_block(*closed, call.location);
   switch (builtin.form) {
     case BuiltinForm::kOperands:
+      if (builtin.op == program::Opcode::kResSetReg) return lower_set_register(builtin, call);
       return builder_.emit(builtin.op, {}, lower_operands(builtin, call, arguments));
     case BuiltinForm::kFilterCreate:
       return lower_filter_create(call);

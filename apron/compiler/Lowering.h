@@ -167,9 +167,12 @@ class Lowering {
   std::optional<double> constant_value(const Expression&) const;
   const Symbol* array_element(const Expression&) const;
   std::vector<Value> written_registers(const Expression& target) const;
+  // The registers of a class that have that size.
+  std::vector<Value> registers_of_class(const std::string& name, Shape) const;
   program::Operand array_operand(const std::string& name);
   Value lower_array_element(const Expression&);
   void assign_array_element(const Expression& target, const Value&, Location);
+  void lower_set_register(const Builtin&, const Expression& call);
   const std::vector<Symbol>& array_argument(const Expression&, bool of_registers) const;
   [[noreturn]] void fail_conditionally(Location, std::string message);
   void lower_matrix_product(const Expressions&, Location);

@@ -137,10 +137,17 @@ const std::vector<Symbol>* SymbolTable::find_array(const std::string& name) cons
 }
 
 std::vector<std::uint32_t> SymbolTable::element_indices(const std::string& class_name) const {
-  const ElementClass& group = classes_.at(class_name);
   std::vector<std::uint32_t> indices;
-  for (const std::string& name : group.order) indices.push_back(group.elements.at(name).value.index);
+  for (const Symbol* element : elements(class_name)) indices.push_back(element->value.index);
   return indices;
+}
+
+std::vector<const Symbol*> SymbolTable::elements(const std::string& class_name) const {
+  const ElementClass* element_class = find_class(class_name);
+  std::vector<const Symbol*> all;
+  for (std::size_t i = 0; element_class != nullptr && i < element_class->order.size(); ++i)
+    all.push_back(&element_class->elements.at(element_class->order[i]));
+  return all;
 }
 
 std::optional<std::size_t> SymbolTable::element_number(const std::string& class_name,
