@@ -172,7 +172,7 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   if (declaration.owner != 0) {
     symbols_.add(declaration.name, symbol);
     scopes_[declaration.owner].names.push_back(declaration.name);
-    scopes_[declaration.owner].locals.push_back(local_name(symbol));
+    scopes_[declaration.owner].locals.push_back(local_name(symbol.name, symbol.value));
     return;
   }
   if (declaration.is_machine_register) {
@@ -224,8 +224,10 @@ void Lowering::declare_array(const syntax::Declaration& declaration) {
   for (std::uint32_t i = 0; i < declaration.count; ++i)
     elements.push_back(
         declare_element(declaration, fmt::format("{}[{}]", display_name(declaration.name), i)));
-  symbols_.add_array(declaration.name, declaration.of_variables, std::move(elements), declaration.location);
-  if (declaration.owner != 0) scopes_[declaration.owner].names.push_back(declaration.name);
+  symbols_.add_array(declaration.name, declaration.of_variables, elements, declaration.location);
+  if (declaration.owner == 0) return;
+  scopes_[declaration.owner].names.push_back(declaration.name);
+  scopes_[declaration.owner].locals.push_back(local_array(display_name(declaration.name), elements));
 }
 
 // ---- texts: names that stand for a text from their assignment on

@@ -80,7 +80,8 @@ class Lowering {
   struct MacroScope {
     std::vector<std::string> names;  // local ones
     std::vector<Value> values;
-    std::vector<program::LocalName> locals;  // the same, for debuggers
+    std::vector<program::LocalName> locals;        // the same, for debuggers
+    std::map<std::size_t, std::string> unwritten;  // of them: arguments that the body may create
     std::string result_name;
     std::vector<std::string> results;  // of a function: its local names
     std::size_t wheres = 0;            // that were open when the body began
@@ -146,7 +147,9 @@ class Lowering {
   Value lower_argument(const Expression&);
   void enter_macro(const syntax::MacroExpansion&, std::span<const Statement> body);
   void leave_macro(std::uint32_t expansion);
-  program::LocalName local_name(const Symbol&);
+  program::LocalName local_name(std::string name, const Value& = {});
+  program::LocalName local_array(std::string name, const std::vector<Symbol>&);
+  program::LocalName local_argument(std::string name, const Expression& argument);
   Value lower_expansion(const Expression&);
   bool always_writes_result(const syntax::MacroExpansion&, const MacroBody&) const;
   void check_unmasked_result(const Expression& target) const;
@@ -192,6 +195,7 @@ class Lowering {
   Value resolve_destination(ResultDestination&, bool is_register, Shape);
   Value resolve_target(const Expression&, bool is_register, Shape);
   Value create_scalar(const Expression&, bool is_register);
+  const Symbol& add_scalar(const Expression& name);
   Value lower_scalar(const Expression&, std::string_view subject, std::string_view hint = {});
   Value lower_condition_operand(const Expression&);
   Value lower_register(const Expression&, std::string_view subject);
@@ -199,7 +203,6 @@ class Lowering {
   Value retained(Value);
   int integer_constant(const Expression&, std::string_view subject);
   float number_constant(const Expression&, std::string_view subject);
-  const Symbol& add_scalar(const Expression& name);
   const std::string& string_literal(const Expression&, std::string_view subject) const;
   std::string describe_name(const Value&, std::string_view unnamed = "another operand") const;
   std::string describe_shape(const Value&) const;

@@ -127,6 +127,13 @@ void ProgramBuilder::describe(const Value& value, std::string description) {
   if (value.is_temporary) descriptions_[value.index & ~kTemporaryBit] = std::move(description);
 }
 
+std::size_t ProgramBuilder::written_position(const Value& value) const {
+  const bool is_stored = value.is_register() || value.kind == Value::Kind::kScalar;
+  return is_stored && (value.index & kTemporaryBit) != 0
+             ? temporaries_[value.index & ~kTemporaryBit].first + 1
+             : 0;
+}
+
 Operand ProgramBuilder::operand(const Value& value) {
   switch (value.kind) {
     case Value::Kind::kRegister:
@@ -348,7 +355,10 @@ void ProgramBuilder::resolve_temporaries() {
     resolve(instruction.destination);
     std::ranges::for_each(instruction.operands, resolve);
   }
-  for (program::LocalName& local : program_.local_names) resolve(local.operand);
+  for (program::LocalName& local : program_.local_names) {
+    resolve(local.operand);
+    std::ranges::for_each(local.elements, resolve);
+  }
   for (program::OperandGroup& group : program_.groups)
     for (std::uint32_t& member : group.members) member = storage(member);
 }

@@ -94,6 +94,9 @@ class ProgramBuilder {
   // Names the holder of the value, for the message that a recursion would overwrite it.
   void describe(const Value&, std::string description);
 
+  // The first instruction that may find a temporary written; 0 for other values.
+  std::size_t written_position(const Value&) const;
+
   program::Operand operand(const Value&);
   program::Operand literal_operand(double);
   program::Operand text_operand(const std::string&);
