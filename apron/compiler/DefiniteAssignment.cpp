@@ -33,6 +33,9 @@ std::vector<ScalarRead> find_unassigned_reads(const Program& program, const std:
   for (std::size_t i = 0; i < program.code.size(); ++i) {
     const program::Operand& written = program.code[i].destination;
     if (written.kind == program::OperandKind::kVariable) writes[written.index].push_back(i);
+    if (program.code[i].op != program::Opcode::kResSetVar) continue;
+    for (const std::uint32_t member : program.groups[program.code[i].operands[0].index].members)
+      writes[member].push_back(i);
   }
   // Only for scalars that are read before their first write.
   std::map<std::uint32_t, std::vector<bool>> reached;

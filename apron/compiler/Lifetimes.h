@@ -33,6 +33,10 @@ class Lifetimes {
   bool is_left(std::uint32_t number) const;
   // True if a path from the entry reads it before it writes it.
   bool is_read_first(std::uint32_t number) const;
+  // True if a path from that instruction of its life reads it before it writes it.
+  bool is_needed(std::uint32_t number, std::size_t start) const {
+    return is_read(number, start, temporaries_[number].first);
+  }
   // A call in its life whose routine runs into the call again, which overwrites what is read after it.
   std::optional<std::size_t> find_recursion(std::uint32_t number) const;
 

@@ -1,7 +1,9 @@
 // Conditions, jumps and blocks.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "apron/compiler/Lowering.h"
 #include "apron/program/LoopCheck.h"
@@ -91,6 +93,7 @@ void Lowering::open_block(BlockKind kind, Location location) {
   Block block;
   block.kind = kind;
   block.location = location;
+  block.opening = builder_.position() - 1;
   block.test_label = builder_.new_label();
   block.continue_label = builder_.new_label();
   block.end_label = builder_.new_label();
@@ -377,7 +380,7 @@ ProgramBuilder::Label Lowering::reference_label(const Expression& label, bool ca
   if (label.kind != ExpressionKind::kLabel) fail(label.location, "expected a label: #name");
   const auto [found, added] = labels_.try_emplace(label.text);
   if (added) found->second.label = builder_.new_label();
-  jumps_.push_back({label.text, current_where_region(), label.location, call});
+  jumps_.push_back({label.text, current_where_region(), label.location, builder_.position(), call});
   return found->second.label;
 }
 
@@ -398,6 +401,10 @@ void Lowering::define_label(const std::string& name, Location location) {
   label.is_bound = true;
   label.location = location;
   label.where_region = current_where_region();
+  label.is_in_macro = !scopes_.empty();
+  std::ranges::copy_if(blocks_, std::back_inserter(label.loops), [](const Block& block) {
+    return block.kind == BlockKind::kFor || block.kind == BlockKind::kRepeat;
+  });
   builder_.bind_label(label.label);
 }
 

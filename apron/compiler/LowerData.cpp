@@ -88,6 +88,7 @@ Operand Lowering::group_operand(const Expression& expression, bool of_variables)
   if (symbols_.holds_variables(name, expression.location) != of_variables) {
     fail(expression.location, "the class {} is one of {}", name, of_variables ? "registers" : "scalars");
   }
+  if (symbols_.find_array(name) != nullptr) return array_operand(name);
   std::vector<program::OperandGroup>& all = builder_.program().groups;
   const auto [found, added] = group_indices_.try_emplace(name, static_cast<std::uint32_t>(all.size()));
   if (added) all.push_back({name, of_variables, {}});

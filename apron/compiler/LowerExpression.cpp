@@ -95,12 +95,7 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
         hint = fmt::format("; before it is read, !register({0}) or {0} = 0 makes it one", name.text);
       fail(name.location, "'{}' is not a register, and no line writes it as a scalar{}", name.text, hint);
     }
-    Symbol symbol_entry{{Value::Kind::kScalar, builder_.add_variable(name.text), 0.0F, false},
-                        name.location,
-                        true,
-                        name.text};
-    symbols_.add(name.text, symbol_entry);
-    symbol = symbols_.find(name.text);
+    symbol = &add_scalar(name);
   }
   Value value = symbol->value;
   if (value.kind == Value::Kind::kNone) throw AlreadyReported{};
@@ -357,12 +352,15 @@ Value Lowering::create_scalar(const Expression& target, bool is_register) {
     fail(target.location, "'{}' is not a register, but the value is one{}", target.text,
          hint.empty() ? fmt::format("; declare it with !register({})", target.text) : hint);
   }
-  Symbol fresh{{Value::Kind::kScalar, builder_.add_variable(target.text), 0.0F, false},
-               target.location,
-               true,
-               target.text};
-  symbols_.add(target.text, fresh);
-  return fresh.value;
+  return add_scalar(target).value;
+}
+
+const Symbol& Lowering::add_scalar(const Expression& name) {
+  const Symbol fresh{
+      {Value::Kind::kScalar, builder_.add_variable(name.text)}, name.location, true, name.text};
+  symbols_.add_element("VARIABLE", name.text, fresh, name.location);
+  symbols_.add(name.text, fresh);
+  return *symbols_.find(name.text);
 }
 
 Value Lowering::retained(Value value) {

@@ -105,6 +105,33 @@ void Lowering::assign_array_element(const Expression& target, const Value& value
   builder_.emit(Opcode::kResSetReg, {}, std::move(operands), !base);
 }
 
+// res.setreg(CLASS, n, A). All registers of the class that it may write ignore or obey masks alike.
+void Lowering::lower_set_register(const Builtin& builtin, const Expression& call) {
+  std::vector<program::Operand> operands = lower_operands(builtin, call, call.children);
+  const Value written{Value::Kind::kRegister, operands[2].index};
+  const bool is_register = operands[2].kind == program::OperandKind::kRegister;
+  const std::vector<Value> registers =
+      registers_of_class(call.children[0].text, is_register ? builder_.shape(written) : shape_hint_);
+  const std::optional<std::size_t> base = registers.empty() ? std::nullopt : mask_base(registers.front());
+  std::vector<Value> conditions = conditions_since(base);
+  if (conditions.empty()) return builder_.emit(builtin.op, {}, std::move(operands), !base);
+  const Shape shape = builder_.shape(is_register ? written : registers.front());
+  const Value value = builder_.allocate_temporary(shape), kept = builder_.allocate_temporary(shape);
+  builder_.emit(Opcode::kCopy, builder_.operand(value), {operands[2]}, false);
+  builder_.emit(Opcode::kResGetReg, builder_.operand(kept), {operands[0], operands[1]}, false);
+  emit_selection(kept, value, std::move(conditions), call.location);
+  operands[2] = builder_.operand(kept);
+  builder_.emit(builtin.op, {}, std::move(operands), false);
+}
+
+std::vector<Value> Lowering::registers_of_class(const std::string& name, Shape shape) const {
+  std::vector<Value> registers;
+  for (const Symbol* element : symbols_.elements(name))
+    if (element->value.is_register() && builder_.shape(element->value).has_size_of(shape))
+      registers.push_back(element->value);
+  return registers;
+}
+
 const std::vector<Symbol>& Lowering::array_argument(const Expression& expression, bool of_registers) const {
   const std::vector<Symbol>* array =
       expression.kind == ExpressionKind::kName ? symbols_.find_array(expression.text) : nullptr;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ranges>
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
@@ -24,7 +25,7 @@ std::span<const Lowering::Statement> Lowering::body_of(std::uint32_t expansion) 
 // The arguments of a function whose parameters state their types.
 void Lowering::check_arguments(const syntax::MacroExpansion& expansion) const {
   using syntax::ArgumentType;
-  for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
+  for (const syntax::Argument& argument : expansion.arguments) {
     if (argument.type == ArgumentType::kAny) continue;
     const Expression& value = argument.value;
     const std::vector<Symbol>* array =
@@ -80,16 +81,13 @@ void Lowering::enter_macro(const syntax::MacroExpansion& expansion, std::span<co
     builder_.describe(symbol.value, fmt::format("the argument '{}'", symbol.name));
     scope.values.push_back(symbol.value);
     symbols_.add(binding.name, symbol);
-    scope.locals.push_back(local_name(symbol));
   }
   check_arguments(expansion);
-  for (const syntax::TypedArgument& argument : expansion.typed_arguments) {
-    const Symbol* symbol = symbols_.find(argument.value.text);
-    const std::string name = (expansion.is_function ? "" : "$") + argument.parameter;
-    if (argument.value.kind == ExpressionKind::kNumber)
-      scope.locals.push_back(local_name({Value::from_constant(argument.value.number), {}, false, name}));
-    else if (argument.value.kind == ExpressionKind::kName && symbol != nullptr)
-      scope.locals.push_back(local_name({symbol->value, {}, false, name}));
+  for (const syntax::Argument& argument : expansion.arguments) {
+    const Expression& value = argument.value;
+    scope.locals.push_back(local_argument((expansion.is_function ? "" : "$") + argument.parameter, value));
+    if (value.kind == ExpressionKind::kName && symbols_.find(value.text) == nullptr)
+      scope.unwritten[scope.locals.size() - 1] = value.text;
   }
   if (may_be_masked()) isolate_from_masks(scope, scan_macro_body(body), builder_.location());
   scope.body = builder_.begin_body();
@@ -108,14 +106,62 @@ Value Lowering::lower_argument(const Expression& argument) {
   return copy;
 }
 
-program::LocalName Lowering::local_name(const Symbol& symbol) {
-  return {symbol.name, builder_.operand(symbol.value), static_cast<std::uint32_t>(builder_.position()), 0};
+program::LocalName Lowering::local_name(std::string name, const Value& value) {
+  return {std::move(name), builder_.operand(value), static_cast<std::uint32_t>(builder_.position())};
+}
+
+program::LocalName Lowering::local_array(std::string name, const std::vector<Symbol>& elements) {
+  program::LocalName local = local_name(std::move(name));
+  for (const Symbol& element : elements) local.elements.push_back(builder_.operand(element.value));
+  return local;
+}
+
+// A parameter that is replaced by its argument: a number, a name, or an element whose index may change.
+program::LocalName Lowering::local_argument(std::string name, const Expression& argument) {
+  program::LocalName local = local_name(std::move(name));
+  const Symbol* symbol = argument.kind == ExpressionKind::kName ? symbols_.find(argument.text) : nullptr;
+  const std::vector<Symbol>* array = symbol == nullptr ? symbols_.find_array(argument.text) : nullptr;
+  local.text = display_name(argument.text);
+  if (argument.kind == ExpressionKind::kNumber) {
+    local.operand = builder_.literal_operand(argument.number);
+  } else if (argument.kind == ExpressionKind::kString) {
+    local.text = fmt::format("'{}'", argument.text);
+  } else if (symbol != nullptr) {
+    local.operand = builder_.operand(symbol->value);
+  } else if (argument.kind == ExpressionKind::kName && array != nullptr) {
+    local = local_array(std::move(local.name), *array);
+  } else if (argument.kind == ExpressionKind::kElement) {
+    const Expression& index = argument.children.front();
+    const bool is_number = index.kind == ExpressionKind::kNumber;
+    local.text += fmt::format("[{}]", is_number ? fmt::format("{}", index.number) : display_name(index.text));
+    if (array == nullptr)
+      symbol = find_element_or_null(argument);
+    else if (is_number && index.number >= 0.0 && index.number < static_cast<double>(array->size()))
+      symbol = &(*array)[static_cast<std::size_t>(index.number)];
+    const Symbol* counter = array != nullptr && !is_number ? symbols_.find(index.text) : nullptr;
+    if (symbol != nullptr) {
+      local.operand = builder_.operand(symbol->value);
+    } else if (counter != nullptr && !counter->value.is_register()) {
+      local = local_array(std::move(local.name), *array);
+      local.operand = builder_.operand(counter->value);
+    }
+  }
+  return local;
 }
 
 void Lowering::leave_macro(std::uint32_t expansion) {
   const auto scope = scopes_.find(expansion);
   if (scope == scopes_.end()) return;
   std::vector<program::LocalName>& locals = scope->second.locals;
+  for (const auto& [number, name] : std::views::reverse(scope->second.unwritten)) {
+    const Symbol* symbol = symbols_.find(name);
+    if (symbol == nullptr) continue;
+    program::LocalName written = locals[number];
+    written.operand = builder_.operand(symbol->value);
+    written.first =
+        std::max(written.first, static_cast<std::uint32_t>(builder_.written_position(symbol->value)));
+    locals.insert(locals.begin() + static_cast<std::ptrdiff_t>(number) + 1, std::move(written));
+  }
   for (auto local = locals.rbegin(); local != locals.rend(); ++local) {
     local->last = static_cast<std::uint32_t>(builder_.position());
     builder_.program().local_names.push_back(std::move(*local));
@@ -134,15 +180,24 @@ void Lowering::leave_macro(std::uint32_t expansion) {
 
 // ---- masks
 
-// A register that the last statement alone writes needs no merging: nothing in the body sees what it wrote.
+// A register that the last statement alone writes needs no merging: nothing in the body sees what it wrote. A
+// write to an array, of an index that is known at run time, ignores or obeys masks in all elements alike.
 void Lowering::isolate_from_masks(MacroScope& scope, const MacroBody& body, Location location) {
   if (body.sets_base_mask) return;
   scope.mask_base = open_wheres();
   if (!body.is_self_contained) return;
   std::map<std::uint32_t, Value> written;
+  const auto is_written = [&](const Value& value) { return written.contains(value.index); };
+  for (const Expression* call : body.class_writes) {
+    Shape shape = shape_hint_;
+    find_shape(call->children[2], shape);
+    for (const Value& value : registers_of_class(call->children[0].text, shape))
+      written.emplace(value.index, value);
+  }
   for (const Expression* target : body.targets) {
-    if (target == body.last_target) continue;
-    for (const Value& value : written_registers(*target)) written.emplace(value.index, value);
+    const std::vector<Value> registers = written_registers(*target);
+    if (target == body.last_target && std::ranges::none_of(registers, is_written)) continue;
+    for (const Value& value : registers) written.emplace(value.index, value);
   }
   for (const auto& [index, value] : written) {
     const std::optional<std::size_t> outer_base = mask_base(value);
@@ -271,11 +326,18 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
   const auto scope = std::ranges::find_if(scopes_, [&](const auto& entry) {
     return entry.first == target.owner || entry.second.result_name == target.text;
   });
-  if (scope != scopes_.end()) builder_.set_local(fresh.value, scope->second.body);
+  if (scope != scopes_.end()) {
+    builder_.set_local(fresh.value, scope->second.body);
+    program::LocalName unwritten = local_name(fresh.name);
+    unwritten.first = static_cast<std::uint32_t>(scope->second.body);
+    scope->second.locals.push_back(std::move(unwritten));
+    program::LocalName written = local_name(fresh.name, fresh.value);
+    written.first = static_cast<std::uint32_t>(builder_.written_position(fresh.value));
+    scope->second.locals.push_back(std::move(written));
+  }
   if (target.owner != 0) {
     scopes_[target.owner].names.push_back(target.text);
     scopes_[target.owner].values.push_back(fresh.value);
-    scopes_[target.owner].locals.push_back(local_name(fresh));
   }
   return fresh.value;
 }
@@ -319,13 +381,8 @@ Value Lowering::lower_expansion(const Expression& expression) {
   written_names_.insert(expansion.result_name);
   Shape shape;
   bool found = false;
-  for (const Expression& argument : expansion.name_arguments) found = found || find_shape(argument, shape);
-  for (const syntax::ArgumentBinding& binding : expansion.bindings) {
-    const Symbol* symbol = symbols_.find(binding.name);
-    if (found || symbol == nullptr || !symbol->value.is_register()) continue;
-    shape = builder_.shape(symbol->value);
-    found = true;
-  }
+  for (const syntax::Argument& argument : expansion.arguments)
+    found = found || find_shape(argument.value, shape);
   if (found && !expansion.is_function && !is_reduction(expansion)) {
     Expression result_expression;
     result_expression.kind = ExpressionKind::kName;

@@ -172,7 +172,7 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   if (declaration.owner != 0) {
     symbols_.add(declaration.name, symbol);
     scopes_[declaration.owner].names.push_back(declaration.name);
-    scopes_[declaration.owner].locals.push_back(local_name(symbol));
+    scopes_[declaration.owner].locals.push_back(local_name(symbol.name, symbol.value));
     return;
   }
   if (declaration.is_machine_register) {
@@ -224,8 +224,10 @@ void Lowering::declare_array(const syntax::Declaration& declaration) {
   for (std::uint32_t i = 0; i < declaration.count; ++i)
     elements.push_back(
         declare_element(declaration, fmt::format("{}[{}]", display_name(declaration.name), i)));
-  symbols_.add_array(declaration.name, declaration.of_variables, std::move(elements), declaration.location);
-  if (declaration.owner != 0) scopes_[declaration.owner].names.push_back(declaration.name);
+  symbols_.add_array(declaration.name, declaration.of_variables, elements, declaration.location);
+  if (declaration.owner == 0) return;
+  scopes_[declaration.owner].names.push_back(declaration.name);
+  scopes_[declaration.owner].locals.push_back(local_array(display_name(declaration.name), elements));
 }
 
 // ---- texts: names that stand for a text from their assignment on
@@ -438,6 +440,7 @@ void Lowering::lower_builtin_statement(const Builtin& builtin, const Expression&
   if (const auto closed = builtin.closed_block()) return close_block(*closed, call.location);
   switch (builtin.form) {
     case BuiltinForm::kOperands:
+      if (builtin.op == program::Opcode::kResSetReg) return lower_set_register(builtin, call);
       return builder_.emit(builtin.op, {}, lower_operands(builtin, call, arguments));
     case BuiltinForm::kFilterCreate:
       return lower_filter_create(call);
@@ -529,6 +532,16 @@ void Lowering::check_jumps() {
           site.location,
           fmt::format("a {} may not cross the edge of a 'where'", site.is_call ? "call" : "jump"),
           {{target.location, fmt::format("the label '#{}' is", display_name(site.name))}});
+    } else {
+      const std::string subject =
+          fmt::format("the {} '#{}'", site.is_call ? "call of" : "jump to", display_name(site.name));
+      for (const Block& loop : target.loops)
+        builder_.require_opening(
+            {site.position, site.location, target.label, loop.opening, loop.end_label,
+             fmt::format("{} enters the '{}' of line {}, which is not running", subject,
+                         loop.kind == BlockKind::kFor ? "for" : "repeat", loop.location.line)});
+      if (target.is_in_macro)
+        builder_.require_values({site.position, site.location, target.label, 0, 0, subject});
     }
   }
 }

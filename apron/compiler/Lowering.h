@@ -56,6 +56,7 @@ class Lowering {
   struct Block {
     BlockKind kind = BlockKind::kIf;
     Location location;
+    std::size_t opening = 0;  // the last instruction before it
     // The labels of a loop: its test, the target of `continue`, and the instruction after the loop.
     ProgramBuilder::Label test_label = 0, continue_label = 0, end_label = 0;
     bool has_else = false;
@@ -79,7 +80,8 @@ class Lowering {
   struct MacroScope {
     std::vector<std::string> names;  // local ones
     std::vector<Value> values;
-    std::vector<program::LocalName> locals;  // the same, for debuggers
+    std::vector<program::LocalName> locals;        // the same, for debuggers
+    std::map<std::size_t, std::string> unwritten;  // of them: arguments that the body may create
     std::string result_name;
     std::vector<std::string> results;  // of a function: its local names
     std::size_t wheres = 0;            // that were open when the body began
@@ -93,11 +95,14 @@ class Lowering {
     bool is_bound = false;
     std::uint32_t where_region = 0;
     Location location;
+    bool is_in_macro = false;
+    std::vector<Block> loops;  // around it that count rounds, inner ones last
   };
   struct JumpSite {
     std::string name;
     std::uint32_t where_region = 0;
     Location location;
+    std::size_t position = 0;  // of the instruction
     bool is_call = false;
   };
   struct Comparison {
@@ -142,7 +147,9 @@ class Lowering {
   Value lower_argument(const Expression&);
   void enter_macro(const syntax::MacroExpansion&, std::span<const Statement> body);
   void leave_macro(std::uint32_t expansion);
-  program::LocalName local_name(const Symbol&);
+  program::LocalName local_name(std::string name, const Value& = {});
+  program::LocalName local_array(std::string name, const std::vector<Symbol>&);
+  program::LocalName local_argument(std::string name, const Expression& argument);
   Value lower_expansion(const Expression&);
   bool always_writes_result(const syntax::MacroExpansion&, const MacroBody&) const;
   void check_unmasked_result(const Expression& target) const;
@@ -163,9 +170,12 @@ class Lowering {
   std::optional<double> constant_value(const Expression&) const;
   const Symbol* array_element(const Expression&) const;
   std::vector<Value> written_registers(const Expression& target) const;
+  // The registers of a class that have that size.
+  std::vector<Value> registers_of_class(const std::string& name, Shape) const;
   program::Operand array_operand(const std::string& name);
   Value lower_array_element(const Expression&);
   void assign_array_element(const Expression& target, const Value&, Location);
+  void lower_set_register(const Builtin&, const Expression& call);
   const std::vector<Symbol>& array_argument(const Expression&, bool of_registers) const;
   [[noreturn]] void fail_conditionally(Location, std::string message);
   void lower_matrix_product(const Expressions&, Location);
@@ -185,6 +195,7 @@ class Lowering {
   Value resolve_destination(ResultDestination&, bool is_register, Shape);
   Value resolve_target(const Expression&, bool is_register, Shape);
   Value create_scalar(const Expression&, bool is_register);
+  const Symbol& add_scalar(const Expression& name);
   Value lower_scalar(const Expression&, std::string_view subject, std::string_view hint = {});
   Value lower_condition_operand(const Expression&);
   Value lower_register(const Expression&, std::string_view subject);

@@ -70,6 +70,8 @@ class Scan {
     const bool leaves =
         leaves_loop || builtin->form == BuiltinForm::kReturn || builtin->op == program::Opcode::kEnd;
     if (leaves) body_.is_self_contained = false;
+    if (builtin->op == program::Opcode::kResSetReg && call.children.size() == 3)
+      body_.class_writes.push_back(&call);
     if (builtin->op == program::Opcode::kMaskOn || builtin->op == program::Opcode::kMaskOff)
       body_.sets_base_mask = true;
   }

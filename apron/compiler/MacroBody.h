@@ -12,6 +12,8 @@ namespace apron::compiler {
 struct MacroBody {
   // The targets of its statements, in order, those of the macros that it uses included.
   std::vector<const syntax::Expression*> targets;
+  // The calls of res.setreg, which may write any register of their class.
+  std::vector<const syntax::Expression*> class_writes;
   // The target of its last statement, or null: nothing in the body sees what that statement writes.
   const syntax::Expression* last_target = nullptr;
   bool sets_base_mask = false;    // by mask.on or mask.off

@@ -6,6 +6,8 @@
 #include <bit>
 #include <utility>
 
+#include "apron/program/Reachability.h"
+
 namespace apron::compiler {
 
 using program::Operand;
@@ -125,6 +127,13 @@ void ProgramBuilder::describe(const Value& value, std::string description) {
   if (value.is_temporary) descriptions_[value.index & ~kTemporaryBit] = std::move(description);
 }
 
+std::size_t ProgramBuilder::written_position(const Value& value) const {
+  const bool is_stored = value.is_register() || value.kind == Value::Kind::kScalar;
+  return is_stored && (value.index & kTemporaryBit) != 0
+             ? temporaries_[value.index & ~kTemporaryBit].first + 1
+             : 0;
+}
+
 Operand ProgramBuilder::operand(const Value& value) {
   switch (value.kind) {
     case Value::Kind::kRegister:
@@ -218,7 +227,9 @@ Operand ProgramBuilder::label_operand(Label label) const { return {OperandKind::
 program::Program ProgramBuilder::finish() {
   append(program::Opcode::kEnd, {}, {}, true);
   resolve_labels();
+  check_openings();
   const Lifetimes lifetimes(program_, temporaries_, keeps_cells_);
+  check_values(lifetimes);
   check_recursion(lifetimes);
   separate_temporaries(lifetimes);
   start_locals(lifetimes);
@@ -230,6 +241,50 @@ void ProgramBuilder::resolve_labels() {
   for (program::Instruction& instruction : program_.code)
     for (Operand& operand : instruction.operands)
       if (operand.kind == OperandKind::kLabel) operand.index = labels_[operand.index];
+}
+
+// The instructions that paths from the program's start and from `end` reach, up to the opening.
+std::vector<bool> ProgramBuilder::reached_past(std::size_t opening, std::size_t end) const {
+  return program::walk(program_.code.size(), {0, end}, [&](std::size_t at) {
+    return at == opening ? std::vector<std::size_t>{} : program::successors(program_, at);
+  });
+}
+
+// False for a condition that never holds.
+bool ProgramBuilder::is_jump(const Entry& entry) const {
+  return std::ranges::any_of(program_.code[entry.position].operands, [&](const Operand& operand) {
+    return operand == Operand{OperandKind::kLabel, labels_[entry.target]};
+  });
+}
+
+// The compiler's own jumps enter no loop.
+void ProgramBuilder::check_openings() const {
+  std::map<std::size_t, std::vector<bool>> reached;  // by the opening
+  for (const Entry& entry : openings_) {
+    const bool is_inside = entry.opening < entry.position && entry.position < labels_[entry.end];
+    if (is_inside || !is_jump(entry)) continue;
+    const auto [found, added] = reached.try_emplace(entry.opening);
+    if (added) found->second = reached_past(entry.opening, labels_[entry.end]);
+    if (found->second[entry.position]) fail(entry.location, "{}", entry.message);
+  }
+}
+
+void ProgramBuilder::check_values(const Lifetimes& lifetimes) const {
+  for (const Entry& entry : values_) {
+    const std::size_t target = labels_[entry.target];
+    if (!is_jump(entry)) continue;
+    for (std::uint32_t number = 0; number < temporaries_.size(); ++number) {
+      const auto& [storage, is_register, first, last, body] = temporaries_[number];
+      const bool is_inside = first <= entry.position && entry.position < last;
+      if (is_inside || target <= first || target >= last || !lifetimes.is_needed(number, target)) continue;
+      const std::size_t opening = lifetimes.is_read_first(number) ? body : first;
+      if (!reached_past(opening, last)[entry.position]) continue;
+      const auto found = descriptions_.find(number);
+      fail(entry.location, "{} leads past line {}, which sets {}", entry.message,
+           temporary_locations_[number].line,
+           found != descriptions_.end() ? found->second : "a part of an expression");
+    }
+  }
 }
 
 void ProgramBuilder::check_recursion(const Lifetimes& lifetimes) const {
@@ -300,7 +355,10 @@ void ProgramBuilder::resolve_temporaries() {
     resolve(instruction.destination);
     std::ranges::for_each(instruction.operands, resolve);
   }
-  for (program::LocalName& local : program_.local_names) resolve(local.operand);
+  for (program::LocalName& local : program_.local_names) {
+    resolve(local.operand);
+    std::ranges::for_each(local.elements, resolve);
+  }
   for (program::OperandGroup& group : program_.groups)
     for (std::uint32_t& member : group.members) member = storage(member);
 }

@@ -94,6 +94,9 @@ class ProgramBuilder {
   // Names the holder of the value, for the message that a recursion would overwrite it.
   void describe(const Value&, std::string description);
 
+  // The first instruction that may find a temporary written; 0 for other values.
+  std::size_t written_position(const Value&) const;
+
   program::Operand operand(const Value&);
   program::Operand literal_operand(double);
   program::Operand text_operand(const std::string&);
@@ -115,6 +118,21 @@ class ProgramBuilder {
   void bind_label(Label);
   program::Operand label_operand(Label) const;
 
+  // A jump to where something must be open.
+  struct Entry {
+    std::size_t position = 0;  // of the jump
+    syntax::Location location;
+    Label target = 0;
+    std::size_t opening = 0;
+    Label end = 0;
+    std::string message;
+  };
+  // finish() fails if a path from the program's start, or from `end`, leads to the jump without the
+  // instruction `opening`.
+  void require_opening(Entry entry) { openings_.push_back(std::move(entry)); }
+  // finish() fails if a path to the jump leads past the instructions that set what is read at its target.
+  void require_values(Entry entry) { values_.push_back(std::move(entry)); }
+
   program::Program& program() noexcept { return program_; }
   const program::Program& program() const noexcept { return program_; }
   // Ends the code with kEnd, and resolves labels and temporaries.
@@ -130,6 +148,10 @@ class ProgramBuilder {
     return (index & kTemporaryBit) != 0 ? temporaries_[index & ~kTemporaryBit].storage : index;
   }
   void resolve_labels();
+  std::vector<bool> reached_past(std::size_t opening, std::size_t end) const;
+  bool is_jump(const Entry&) const;
+  void check_openings() const;
+  void check_values(const Lifetimes&) const;
   void check_recursion(const Lifetimes&) const;
   void separate_temporaries(const Lifetimes&);
   void start_locals(const Lifetimes&);
@@ -151,6 +173,7 @@ class ProgramBuilder {
   std::map<std::uint32_t, std::string> descriptions_;  // of temporaries
   std::vector<syntax::Location> temporary_locations_;
   std::map<std::size_t, syntax::Location> call_locations_;
+  std::vector<Entry> openings_, values_;
   std::vector<std::size_t> bodies_, final_positions_;
   std::vector<bool> keeps_cells_;  // of an instruction: a mask may
   bool may_be_masked_ = false;

@@ -55,7 +55,7 @@ const Symbol* SymbolTable::find_element_or_null(const std::string& class_name,
   if (element_class == nullptr) return nullptr;
   const auto found = element_class->elements.find(name);
   if (found != element_class->elements.end()) return &found->second;
-  // A scalar without a declaration is an element of VARIABLE.
+  // So are local names that are scalars, which have no number.
   const Symbol* bare = element_class == &classes_.at("VARIABLE") ? find(name) : nullptr;
   return bare != nullptr && !bare->value.is_register() ? bare : nullptr;
 }
@@ -137,10 +137,17 @@ const std::vector<Symbol>* SymbolTable::find_array(const std::string& name) cons
 }
 
 std::vector<std::uint32_t> SymbolTable::element_indices(const std::string& class_name) const {
-  const ElementClass& group = classes_.at(class_name);
   std::vector<std::uint32_t> indices;
-  for (const std::string& name : group.order) indices.push_back(group.elements.at(name).value.index);
+  for (const Symbol* element : elements(class_name)) indices.push_back(element->value.index);
   return indices;
+}
+
+std::vector<const Symbol*> SymbolTable::elements(const std::string& class_name) const {
+  const ElementClass* element_class = find_class(class_name);
+  std::vector<const Symbol*> all;
+  for (std::size_t i = 0; element_class != nullptr && i < element_class->order.size(); ++i)
+    all.push_back(&element_class->elements.at(element_class->order[i]));
+  return all;
 }
 
 std::optional<std::size_t> SymbolTable::element_number(const std::string& class_name,

@@ -41,7 +41,8 @@ class SymbolTable {
   void add_class(const syntax::Declaration&);
   // The class's name. Throws a CompileError if there is no such class.
   const std::string& resolve_class(const std::string& name_or_alias, syntax::Location) const;
-  // The indices of the elements so far, in order.
+  // The elements so far, in order; none if there is no such class.
+  std::vector<const Symbol*> elements(const std::string& class_name) const;
   std::vector<std::uint32_t> element_indices(const std::string& class_name) const;
   // Arrays: classes whose elements have numbers only.
   void add_array(const std::string& name, bool of_variables, std::vector<Symbol>, syntax::Location);

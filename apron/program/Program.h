@@ -119,8 +119,11 @@ struct Expansion {
 // The meaning of a local name of a macro or function, from one instruction up to another; for debuggers.
 struct LocalName {
   std::string name;
-  Operand operand;  // a register, variable or literal
+  Operand operand;  // a register, variable or literal; none if the program holds no such value
   std::uint32_t first = 0, last = 0;
+  // Of an array, without an operand. With one, the name is that element: ch[i].
+  std::vector<Operand> elements = {};
+  std::string text = {};  // of a parameter: its argument
 };
 
 struct Program {

@@ -72,8 +72,8 @@ struct Statement {
   bool assigns = false;            // of kInvalid
 };
 
-// An argument of a function whose parameter states its type.
-struct TypedArgument {
+// What a parameter or result stands for: a kOperator if that is no value, with its text.
+struct Argument {
   std::string parameter;
   ArgumentType type = ArgumentType::kAny;
   bool is_array = false;
@@ -85,12 +85,11 @@ struct MacroExpansion {
   std::string macro;
   bool is_function = false;
   std::vector<std::string> results;  // of a function: its local names
-  std::vector<TypedArgument> typed_arguments;
+  std::vector<Argument> arguments;   // of the parameters, then the caller's targets
   // Unique name that the body writes the result to; "" if it writes the caller's target.
   std::string result_name;
   std::vector<ArgumentBinding> bindings;
-  std::vector<Expression> name_arguments;  // the arguments that are single names or elements
-  std::vector<Statement> body;             // empty for kMacroBegin
+  std::vector<Statement> body;  // empty for kMacroBegin
 };
 
 }  // namespace apron::syntax

@@ -347,10 +347,6 @@ Expression Parser::make_binary(const Token& op, Expression left, Expression righ
   return make_expression(ExpressionKind::kBinary, op, children(std::move(left), std::move(right)));
 }
 
-bool is_name_or_number(const Tokens& tokens) {
-  return tokens.size() == 1 && (tokens[0].kind == TokenKind::kName || tokens[0].kind == TokenKind::kNumber);
-}
-
 std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& call,
                                                                  const std::vector<Tokens>& argument_tokens) {
   std::vector<MacroArgument> arguments;
@@ -385,29 +381,21 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
     MacroArgument& argument = arguments[i];
     const MacroParameter& parameter = macro.parameters[i];
     if (parameter.type == ArgumentType::kInteger) check_integer(parameter, macro, argument, location);
-    if ((parameter.type != ArgumentType::kAny || is_name_or_number(argument.tokens)) && !argument.value)
-      expansion.typed_arguments.push_back(make_typed_argument(parameter, macro, argument, location));
     if (argument.value) {
       std::string unique =
-          fmt::format("${}{}{}", macro.parameters[i].name, macro.is_function ? "::" : ":", expansion.id);
+          fmt::format("${}{}{}", parameter.name, macro.is_function ? "::" : ":", expansion.id);
       replacements.push_back({{TokenKind::kName, argument.value->location, unique, 0.0F}});
-      if (parameter.type != ArgumentType::kAny)
-        expansion.typed_arguments.push_back(
-            {parameter.name, parameter.type, parameter.is_array,
-             make_expression(ExpressionKind::kName, replacements.back().front())});
       expansion.bindings.push_back({std::move(unique), std::move(*argument.value)});
-      continue;
     }
-    const Tokens& tokens = argument.tokens;
-    if (tokens.size() == 1 && tokens[0].kind == TokenKind::kName) {
-      expansion.name_arguments.push_back(make_expression(ExpressionKind::kName, tokens[0]));
-    } else if (is_element_access(tokens)) {
-      const bool is_number = tokens[2].kind == TokenKind::kNumber;
-      Expression index =
-          make_expression(is_number ? ExpressionKind::kNumber : ExpressionKind::kName, tokens[2]);
-      expansion.name_arguments.push_back(
-          make_expression(ExpressionKind::kElement, tokens[0], children(std::move(index))));
-    }
+    Argument bound = make_argument(parameter.name, argument.value ? replacements.back() : argument.tokens);
+    bound.type = parameter.type;
+    bound.is_array = parameter.is_array;
+    if (bound.type != ArgumentType::kAny && bound.value.kind == ExpressionKind::kOperator &&
+        argument.tokens.size() == 1)
+      fail_at(location, "'{}' cannot be the argument '{}' of '{}'", bound.value.text, parameter.name,
+              macro.name);
+    expansion.arguments.push_back(std::move(bound));
+    if (argument.value) continue;
     for (Token& token : argument.tokens) {
       if (token.location.line == 0) token.location = location;
     }
@@ -416,32 +404,32 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
   return replacements;
 }
 
-TypedArgument Parser::make_typed_argument(const MacroParameter& parameter, const Macro& macro,
-                                          const MacroArgument& argument, Location location) const {
-  const Tokens& tokens = argument.tokens;
-  TypedArgument typed{parameter.name, parameter.type, parameter.is_array, {}};
+Argument Parser::make_argument(const std::string& parameter, const Tokens& written) const {
+  Diagnostics reported_in_the_body;
+  const Tokens tokens = with_constant_index(written, reported_in_the_body);
   const Token& first = tokens.front();
-  switch (first.kind) {
-    case TokenKind::kNumber:
-      typed.value = make_expression(ExpressionKind::kNumber, first);
-      break;
-    case TokenKind::kString:
-      typed.value = make_expression(ExpressionKind::kString, first);
-      break;
-    case TokenKind::kName:
-      typed.value = make_expression(ExpressionKind::kName, first);
-      break;
-    default:
-      typed.value = make_expression(ExpressionKind::kNumber, first);  // a constant in parentheses
-      if (tokens.size() == 1)
-        fail_at(location, "'{}' cannot be the argument '{}' of '{}'", spelling(first), parameter.name,
-                macro.name);
+  std::string text;
+  for (const Token& token : tokens) text += spelling(token);
+  const auto is_rebound = [&](const Token& token) {
+    return !preprocessor_.operator_target(token.text).empty();
+  };
+  const auto kind_of = [](const Token& token) {
+    return token.kind == TokenKind::kNumber   ? ExpressionKind::kNumber
+           : token.kind == TokenKind::kName   ? ExpressionKind::kName
+           : token.kind == TokenKind::kString ? ExpressionKind::kString
+                                              : ExpressionKind::kOperator;
+  };
+  Expression value = make_expression(tokens.size() == 1 ? kind_of(first) : ExpressionKind::kOperator, first);
+  if (is_element_access(tokens)) {
+    value = make_expression(ExpressionKind::kElement, first,
+                            children(make_expression(kind_of(tokens[2]), tokens[2])));
+  } else if (tokens.size() > 1 && is_numeric_constant(tokens) && std::ranges::none_of(tokens, is_rebound)) {
+    const auto constant = evaluate_constant(tokens, first.location, reported_in_the_body);
+    value.kind = ExpressionKind::kNumber;
+    if (constant) value.number = constant->number;
   }
-  if (!is_element_access(tokens)) return typed;
-  const ExpressionKind kind =
-      tokens[2].kind == TokenKind::kNumber ? ExpressionKind::kNumber : ExpressionKind::kName;
-  typed.value = make_expression(ExpressionKind::kElement, first, children(make_expression(kind, tokens[2])));
-  return typed;
+  if (value.kind == ExpressionKind::kOperator) value.text = std::move(text);
+  return {parameter, ArgumentType::kAny, false, std::move(value)};
 }
 
 // Replaces the argument by its value.

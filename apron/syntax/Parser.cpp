@@ -245,6 +245,10 @@ std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last
       sources_.add_expansion(macro->name, first->location, macro->parameters.size(), macro->is_function);
   std::vector<Tokens> replacements =
       bind_arguments(*expansion, *macro, std::move(arguments), first->location);
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    const std::string& parameter = i == 0 ? macro->result_parameter : macro->further_results[i - 1];
+    expansion->arguments.push_back(make_argument(parameter, results[i]));
+  }
   Statement statement;
   statement.kind = StatementKind::kMacroBegin;
   statement.location = line_begin_;

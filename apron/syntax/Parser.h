@@ -65,8 +65,7 @@ class Parser {
   std::vector<MacroArgument> parse_macro_arguments(const Token& call, const std::vector<Tokens>&);
   std::vector<Tokens> bind_arguments(MacroExpansion&, const Macro&, std::vector<MacroArgument>,
                                      Location location);
-  TypedArgument make_typed_argument(const MacroParameter&, const Macro&, const MacroArgument&,
-                                    Location) const;
+  Argument make_argument(const std::string& parameter, const Tokens&) const;
   void check_integer(const MacroParameter&, const Macro&, MacroArgument&, Location);
   void check_operands(const Token& call, const Macro&, const std::vector<Tokens>& operands) const;
   std::string too_deep() const;

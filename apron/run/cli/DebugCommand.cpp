@@ -353,17 +353,57 @@ class Debugger {
     if (session_.state() == ExecutionState::kFinished) return nullptr;
     return program::find_local(program(), name, session_.vm().program_counter());
   }
-  std::string format_scalar(const program::Operand& operand) const {
-    return vm::format_number(operand.kind == program::OperandKind::kLiteral
-                                 ? program().literals[operand.index]
-                                 : session_.vm().variable(operand.index));
+  double scalar(const program::Operand& operand) const {
+    return operand.kind == program::OperandKind::kLiteral ? program().literals[operand.index]
+                                                          : session_.vm().variable(operand.index);
+  }
+  // The element of that number, or an operand of no kind.
+  static program::Operand find_element(const program::LocalName& local, double number) {
+    const bool exists =
+        number >= 0.0 && number < static_cast<double>(local.elements.size()) && number == std::trunc(number);
+    return exists ? local.elements[static_cast<std::size_t>(number)] : program::Operand{};
+  }
+  program::Operand operand_of(const program::LocalName& local) const {
+    const bool is_element = !local.elements.empty() && local.operand.kind != program::OperandKind::kNone;
+    return is_element ? find_element(local, scalar(local.operand)) : local.operand;
+  }
+  // The register, variable or literal of a name, local ones first; an operand of no kind if there is none.
+  program::Operand locate(const std::string& name) const {
+    using program::OperandKind;
+    if (const program::LocalName* const local = find_local(name)) return operand_of(*local);
+    std::uint32_t number = 0;
+    if (const std::size_t open = name.find('['); open != std::string::npos && name.back() == ']')
+      if (const program::LocalName* const local = find_local(name.substr(0, open)))
+        return common::parse_number(name.substr(open + 1, name.size() - open - 2), number) &&
+                       local->operand.kind == OperandKind::kNone
+                   ? find_element(*local, number)
+                   : program::Operand{};
+    const auto variable = std::ranges::find(program().variables, name, &program::Variable::name);
+    if (variable != program().variables.end())
+      return {OperandKind::kVariable, static_cast<std::uint32_t>(variable - program().variables.begin())};
+    if (const std::optional<std::size_t> reg = program::find_register(program(), name))
+      return {OperandKind::kRegister, static_cast<std::uint32_t>(*reg)};
+    return {};
+  }
+  // Why no register is located by that name.
+  std::string no_register(const std::string& name) const {
+    const program::LocalName* const local = find_local(name);
+    if (local == nullptr || operand_of(*local).kind != program::OperandKind::kNone)
+      return "the program has no register " + program::unknown_register(program(), name);
+    if (local->operand.kind != program::OperandKind::kNone)
+      return "'" + name + "' is an element of an array of " + std::to_string(local->elements.size()) +
+             ", and there is no number " + vm::format_number(scalar(local->operand));
+    if (!local->elements.empty()) return "'" + name + "' is an array: " + name + "[0] is its first element";
+    if (local->text.empty()) return "'" + name + "' has no value yet";
+    return "'" + name + "' is " + local->text + " here, which no register or scalar holds";
   }
   std::optional<std::size_t> find_plane(const std::string& name) {
-    const program::LocalName* const local = find_local(name);
-    if (local != nullptr && local->operand.kind == program::OperandKind::kRegister)
-      return local->operand.index;
-    const std::optional<std::size_t> reg = program::find_register(program(), name);
-    if (!reg) refuse("the program has no register " + program::unknown_register(program(), name));
+    const program::Operand found = locate(name);
+    if (found.kind == program::OperandKind::kRegister) return found.index;
+    const bool is_program_scalar =
+        found.kind == program::OperandKind::kVariable && find_local(name) == nullptr;
+    const auto reg = is_program_scalar ? program::find_register(program(), name) : std::nullopt;
+    if (!reg) refuse(no_register(name));
     return reg;
   }
   bool parse_numbers(const Words& words, std::size_t first, std::vector<std::uint64_t>& numbers) {
@@ -376,18 +416,24 @@ class Debugger {
   }
 
   void print(const Words& words) {
-    const program::LocalName* const local = find_local(words[1]);
-    if (local != nullptr && local->operand.kind != program::OperandKind::kRegister && words.size() == 2)
-      return say(words[1] + " = " + format_scalar(local->operand) + "\n");
-    const auto variable = std::ranges::find(program().variables, words[1], &program::Variable::name);
-    if (local == nullptr && variable != program().variables.end() && words.size() == 2) {
-      const std::size_t index = variable - program().variables.begin();
-      return say(words[1] + " = " + vm::format_number(std::as_const(session_).vm().variable(index)) + "\n");
+    const program::Operand found = locate(words[1]);
+    const bool is_scalar =
+        found.kind == program::OperandKind::kVariable || found.kind == program::OperandKind::kLiteral;
+    if (is_scalar && words.size() == 2)
+      return say(words[1] + " = " + vm::format_number(scalar(found)) + "\n");
+    std::vector<std::uint64_t> at;
+    if (const program::LocalName* const local = find_local(words[1]);
+        local != nullptr && found.kind == program::OperandKind::kNone && words.size() == 4) {
+      const bool is_column = local->text == "cell.x" || local->text == "cell.col";
+      if (is_column || local->text == "cell.y" || local->text == "cell.row") {
+        if (parse_numbers(words, 2, at))
+          say(words[1] + "(" + words[2] + ", " + words[3] + ") = " + words[is_column ? 2 : 3] + "\n");
+        return;
+      }
     }
     const std::optional<std::size_t> reg = find_plane(words[1]);
     if (!reg) return;
     const vm::Plane plane = session_.vm().plane(*reg);
-    std::vector<std::uint64_t> at;
     if (words.size() == 2)
       return say(words[1] + " is a register of " + vm::format_shape(plane) +
                  ": print NAME COLUMN ROW, plane or picture show its cells\n");
@@ -445,10 +491,11 @@ class Debugger {
     const std::size_t at = session_.vm().program_counter();
     for (const program::LocalName& local : program().local_names) {
       if (at < local.first || at >= local.last || find_local(local.name) != &local) continue;
-      if (local.operand.kind == program::OperandKind::kRegister)
-        say(local.name + " " + vm::format_shape(session_.vm().plane(local.operand.index)) + "\n");
-      else
-        say(local.name + " = " + format_scalar(local.operand) + "\n");
+      const program::Operand operand = operand_of(local);
+      if (operand.kind == program::OperandKind::kRegister)
+        say(local.name + " " + vm::format_shape(session_.vm().plane(operand.index)) + "\n");
+      else if (operand.kind != program::OperandKind::kNone)
+        say(local.name + " = " + vm::format_number(scalar(operand)) + "\n");
     }
     for (const program::Register& r : program().registers)
       if (!program::is_temporary(r.name))

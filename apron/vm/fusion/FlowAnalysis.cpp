@@ -88,9 +88,16 @@ void FlowAnalysis::compute_liveness(const ObservedRegisters& observed) {
       always_live[group.members[i] / 64] |= std::uint64_t{1} << (group.members[i] % 64);
   live_bits_.assign(program_.code.size() * n, 0);
   for (const program::LocalName& local : program_.local_names) {
-    if (!observed.all_named || local.operand.kind != OperandKind::kRegister) continue;
+    if (!observed.all_named) continue;
+    std::vector<program::Operand> all = local.elements;
+    all.push_back(local.operand);
+    std::erase_if(all, [&](const program::Operand& one) {
+      return one.kind != OperandKind::kRegister ||
+             (always_live[one.index / 64] >> (one.index % 64) & 1U) != 0;
+    });
     for (std::size_t at = local.first; at < std::min<std::size_t>(local.last, program_.code.size()); ++at)
-      live_bits_[at * n + local.operand.index / 64] |= std::uint64_t{1} << (local.operand.index % 64);
+      for (const program::Operand& reg : all)
+        live_bits_[at * n + reg.index / 64] |= std::uint64_t{1} << (reg.index % 64);
   }
   for (int pass = 0; pass < kMaxPasses; ++pass)
     if (!liveness_pass(always_live, live_at_end)) return;

@@ -1,5 +1,6 @@
 """apron debug, by commands from its standard input."""
 import random
+import re
 
 from programs import *
 
@@ -68,6 +69,61 @@ class Debug(ProgramTest):
         self.write("!register(A)\n!macro_def\nm($x, $k, $e)\n!macro_begin\n$x = $x * $k + $e\n!macro_end\nn = 5\nA = 2\nm(A, n, n + 1)\n")
         out = self.debug("break 5", "c", "print $k", "print k", "print $x 0 0", "print $e")
         self.assertEqual(out[-4:], ["$k = 5", "k = 5", "$x(0, 0) = 2", "$e = 6"])
+
+    def test_parameters_are_what_the_body_reads(self):
+        # Random arguments through macros and functions, where the program has scalars and registers of the parameters' names: the debugger
+        # shows what the stopped line is about to print.
+        draw = random.Random(11)
+        numbers = ["n", "i", "7", "-3", "(2 + 3)", "w[1]", "w[2 - 1]", "w[i]", "v[n]", "n * 2", "w[i] + n", "w[i + 1]", "w[n - 2]"]
+        planes = ["A", "cell.x", "cell.row", "ch[2]", "ch[i]", "ch[1 + 2]", "r[Q]", "r[1]", "A + i", "ch[i] * 2", "ch[i + 1]", "+A", "cell.x + n"]
+        kinds = {"n": ("println('> ', {})", numbers, "print {}"), "p": ("println('> ', pixel.get({}, 3, 1))", planes, "print {} 3 1")}
+        for _ in range(8):
+            text = "!register(A, b)\n!create('Q', REGISTER, 4, 3)\n!register(ch[4])\n!scalar(w[3])\n"
+            prints = {}  # the command, by the line
+            for kind, (show, arguments, command) in kinds.items():
+                for level in range(3):
+                    for is_function in (False, True):
+                        name, sigil = f"{kind}{level}{'f' if is_function else 'm'}", "" if is_function else "$"
+                        type_ = {"n": "number ", "p": "plane "}[kind] if is_function else ""
+                        text += f"function y = {name}(" if is_function else f"!macro_def\n$y = {name}("
+                        text += f"{type_}{sigil}a, {type_}{sigil}b)\n" + ("" if is_function else "!macro_begin\n")
+                        for parameter in draw.sample("ab", 2):
+                            text += show.format(sigil + parameter) + "\n"
+                            prints[text.count("\n")] = command.format(parameter)
+                        for _ in range(level and 2):
+                            inner = [draw.choice([f"{sigil}a", f"{sigil}b", f"{sigil}a + {sigil}b", draw.choice(arguments)]) for _ in range(2)]
+                            text += f"{'t' if is_function else ':t'} = {kind}{level - 1}{draw.choice('mf')}({', '.join(inner)})\n"
+                        text += f"{sigil}y = {sigil}a + {sigil}b\n" + ("endfunction\n" if is_function else "!macro_end\n")
+            text += "a = 1000\nb = 2000\ny = 3000\nn = 2\ni = 1\nA = cell.x * 10 + cell.y\nr[Q] = A * 3\n".replace("b = 2000", "b = cell.x + 2000")
+            text += "".join(f"ch[{k}] = A + {100 * k}\n" for k in range(4)) + "".join(f"w[{k}] = {5 + k}\n" for k in range(3))
+            for _ in range(4):
+                kind = draw.choice("np")
+                arguments = ", ".join(draw.choice(kinds[kind][1]) for _ in range(2))
+                call = f"{kind}2{draw.choice('mf')}({arguments})"
+                text += {"n": draw.choice([f"s = {call}\n", f"s = 1 + {call}\n"]), "p": draw.choice([f"b = {call}\n", f"b = 1 + {call}\n"])}[kind]
+            self.write(text)
+            breaks = [f"break {line}" for line in prints]
+            stops = [int(line.split(":")[1]) for line in self.debug(*breaks, *["c"] * 200, status=2) if line.startswith("p.aps:")][1:]
+            out = self.debug(*breaks, *[command for line in stops for command in ("c", prints[line])], "c")
+            shown = [line.split(" = ")[1] for line in out if re.match(r"[ab](\(3, 1\))? = ", line)]
+            self.assertEqual(shown, [line[2:] for line in out if line.startswith("> ")], text)
+            self.assertEqual(len(shown), len(stops))
+            self.assertGreater(len(stops), 20)
+
+    def test_parameters_without_a_value(self):
+        self.write("!register(ch[2], A)\n!macro_def\nm($a, $op, $t, $l)\n!macro_begin\n:n = $a\n$l = $a\n!macro_end\n"
+                   "function y = f(plane a[], integer n)\nx = a[n]\ny = x\nendfunction\n"
+                   "a = 5\nop = 6\nt = 7\nl = 8\nx = 9\nn = 4\nk = 5\nch[1] = cell.x\nm(surface.tick, +, 'text', z)\nA = f(ch, -1 + 2)\n")
+        out = self.debug("b 5", "b 9", "c", "p a", "p op", "p t", "p l", "p :n", "s", "p :n", "c", "p a", "p a[1] 3 0", "p n", "p x", "p a[2]", "names",
+                         status=2)
+        self.assertEqual([line for line in out if not line.startswith(("p.aps", "breakpoint"))],
+                         ["error: 'a' is surface.tick here, which no register or scalar holds", "error: 'op' is + here, which no register or scalar holds",
+                          "error: 't' is 'text' here, which no register or scalar holds", "l = 0", "error: ':n' has no value yet", ":n = 0",
+                          "error: 'a' is an array: a[0] is its first element", "a[1](3, 0) = 3", "n = 1", "error: 'x' has no value yet",
+                          "error: the program has no register 'a[2]'", "y 4x3", "n = 1", "ch[0] 4x3", "ch[1] 4x3", "A 4x3", "a = 5", "op = 6", "t = 7", "l = 8",
+                          "x = 9", "n = 4", "k = 5", "z = 0"])
+        self.write("!register(ch[2])\n!macro_def\nm($a)\n!macro_begin\nprintln('here')\n!macro_end\nk = 5\nm(ch[k])\n")
+        self.assertEqual(self.debug("b 5", "c", "p a 0 0", status=2)[-1], "error: 'a' is an element of an array of 2, and there is no number 5")
 
     def test_a_changed_cell_stops_the_program(self):
         # Drawn writes to single cells: the program stops where the watched one gets another value, and nowhere else.

@@ -195,6 +195,20 @@ constexpr Wrong kWrong[] = {
      "main.aps:2:4: error: a condition takes a scalar, and this is a register; write where(…) to act on the cells where it holds, or take one value of all: globalany(A)"},
     {"!register(A)|where(A)|jump(#out)|endwhere|#out",
      "main.aps:3:6: error: a jump may not cross the edge of a 'where'"},
+    {"jump(#in)|for(i, 0, 3)|#in|nop|endfor",
+     "main.aps:1:6: error: the jump to '#in' enters the 'for' of line 2, which is not running"},
+    {"c = 0|repeat(2)|#in|c = c + 1|endrepeat|jumpif(c < 9, #in)",
+     "main.aps:6:15: error: the jump to '#in' enters the 'repeat' of line 2, which is not running"},
+    {"callif(surface.tick > 1, #in)|while(surface.tick < 5)|for(i, 0, 3)|#in|return|endfor|endwhile",
+     "main.aps:1:26: error: the call of '#in' enters the 'for' of line 3, which is not running"},
+    {"repeat(2)|jump(#out)|#back|endrepeat|#out|jump(#back)",
+     "main.aps:6:6: error: the jump to '#back' enters the 'repeat' of line 1, which is not running"},
+    {"repeat(2)|for(i, 0, 1)|#in|endfor|jump(#in)|endrepeat",
+     "main.aps:5:6: error: the jump to '#in' enters the 'for' of line 2, which is not running"},
+    {"!macro_def|m($a)|!macro_begin|#in|println($a)|!macro_end|x = 1|jump(#in)|m(x + 1)",
+     "main.aps:8:6: error: the jump to '#in' leads past line 9, which sets the argument '$a'"},
+    {"!macro_def|m($a)|!macro_begin|:t = $a|#in|println(:t)|!macro_end|x = 1|m(x)|if(surface.tick)|call(#in)|endif",
+     "main.aps:11:6: error: the call of '#in' leads past line 4, which sets the local name ':t'"},
     {"!register(A)|repeat(3)|where(A)|break|endwhere|endrepeat",
      "main.aps:4:1: error: 'break' may not leave a 'where'"},
     {"!register(A)|where(A)|return|endwhere",
@@ -461,6 +475,23 @@ TEST(WrongProgram, BoundaryOfAnIncludedFileIsNamedThere) {
             "edge.aps:3:1: error: 300, the boundary's value, is no uint8, the type of the registers that it "
             "meets: a "
             "whole number from 0 to 255");
+}
+
+// A jump may leave any block, come back, and enter what counts no rounds and holds no value.
+TEST(RightProgram, Jumps) {
+  const std::string macro = "!macro_def\nm($a)\n!macro_begin\n";
+  for (const std::string& text :
+       {std::string("jump(#in)\nif(surface.tick)\n#in\nnop\nelse\nnop\nendif\n"),
+        std::string("jump(#in)\nwhile(surface.tick)\n#in\nnop\nendwhile\n"),
+        std::string("repeat(2)\nfor(i, 0, 3)\njump(#out)\nendfor\nendrepeat\n#out\n"),
+        std::string(
+            "repeat(2)\nfor(i, 0, 3)\njump(#out)\n#back\nendfor\nendrepeat\nend\n#out\njump(#back)\n"),
+        std::string("for(i, 0, 3)\njumpif(i == 2, #next)\nnop\n#next\nendfor\n"),
+        std::string("if(0)\njump(#in)\nendif\njumpif(0 > 1, #in)\nrepeat(2)\n#in\nendrepeat\n"),
+        macro + "#in\nprintln($a)\n!macro_end\nx = 1\njump(#in)\nm(x)\n",
+        macro + ":t = $a\nprintln(:t)\n#in\n:t = 2\nprintln(:t)\n!macro_end\nx = 1\njump(#in)\nm(x)\n",
+        macro + "jump(#out)\n#in\nprintln($a)\n!macro_end\nx = 1\nm(x + 1)\nend\n#out\njump(#in)\n"})
+    EXPECT_EQ(errors(compile_text(text)), "") << text;
 }
 
 // Names whose declarations come after it are not declared.
