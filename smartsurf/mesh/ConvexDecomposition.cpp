@@ -11,6 +11,7 @@
 #include "smartsurf/mesh/ClippedMesh.h"
 #include "smartsurf/mesh/ConvexHull.h"
 #include "smartsurf/mesh/MassProperties.h"
+#include "smartsurf/mesh/MeshSimplification.h"
 #include "smartsurf/scene/Axes.h"
 
 namespace smartsurf::mesh {
@@ -411,7 +412,8 @@ std::optional<std::vector<Points>> decompose_hollow(const TriangleMesh& mesh, in
 
 }  // namespace
 
-std::vector<Points> decompose_convex(const TriangleMesh& mesh, const DecompositionLimits& limits) {
+std::vector<Points> decompose_convex(const TriangleMesh& fine, const DecompositionLimits& limits) {
+  const TriangleMesh mesh = simplified(fine, kMaxDecomposedTriangles);
   const double margin = 1e-4 * bounding_box_diagonal(mesh);
   const CutPlanes cut_planes(mesh);
   std::vector<DecompositionPart> parts;

@@ -2,11 +2,15 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
 #include "smartsurf/mesh/TriangleMesh.h"
 
 namespace smartsurf::mesh {
+
+// A mesh of more triangles is decomposed in a simplified form, which bounds the time.
+inline constexpr std::size_t kMaxDecomposedTriangles = 5000;
 
 struct DecompositionLimits {
   int max_parts = 32;        // ≥ 1

@@ -15,7 +15,7 @@
 namespace smartsurf::mesh {
 
 // Raise it when decompose_convex() gives other parts: files of another version are not read.
-inline constexpr std::uint32_t kDecompositionVersion = 1;
+inline constexpr std::uint32_t kDecompositionVersion = 2;
 
 class DecompositionCache {
  public:

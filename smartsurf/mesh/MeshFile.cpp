@@ -9,6 +9,7 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <string_view>
@@ -114,8 +115,30 @@ void check_readable(const fs::path& file) {
   common::note_input(file);
 }
 
-// Rejects a PLY header without an end, in which the importer would loop forever. The importer detects PLY by
-// content, whatever the extension.
+void check_triangle_count(std::uint64_t count) {
+  if (count > kMaxTriangles)
+    refuse("has " + std::to_string(count) + " triangles, more than " + std::to_string(kMaxTriangles) +
+           ": simplify it; a few thousand are enough");
+}
+
+// The number of faces that a PLY header announces, 0 if none.
+std::uint64_t ply_face_count(const std::string& start) {
+  constexpr std::string_view kFaces = "\nelement face ";
+  const std::size_t at = start.find(kFaces);
+  return at == start.npos ? 0 : std::strtoull(start.c_str() + at + kFaces.size(), nullptr, 10);
+}
+
+// The number of triangles of a binary STL file, 0 for others.
+std::uint64_t binary_stl_triangle_count(const std::string& start, std::uintmax_t file_bytes) {
+  constexpr std::size_t kTitleBytes = 80, kBytesPerTriangle = 50;
+  std::uint32_t count = 0;
+  if (start.size() < kTitleBytes + sizeof count) return 0;
+  std::memcpy(&count, start.data() + kTitleBytes, sizeof count);
+  return file_bytes == kTitleBytes + sizeof count + kBytesPerTriangle * std::uintmax_t{count} ? count : 0;
+}
+
+// Rejects a PLY header without an end, in which the importer would loop forever, and too many triangles
+// before they are read. The importer detects PLY by content, whatever the extension.
 void check_header(const fs::path& file) {
   std::string start(16384, '\0');
   std::ifstream in(file, std::ios::binary);
@@ -125,6 +148,9 @@ void check_header(const fs::path& file) {
   if (start.starts_with("ply") && start.find("end_header\n") == start.npos &&
       start.find("end_header\r") == start.npos)
     refuse("is damaged: its header has no end");
+  if (start.starts_with("ply")) check_triangle_count(ply_face_count(start));
+  if (common::lower_case(file.extension().string()) == ".stl")
+    check_triangle_count(binary_stl_triangle_count(start, fs::file_size(file)));
 }
 
 std::string one_line(std::string text) {
@@ -150,7 +176,7 @@ void add(TriangleMesh& mesh, const aiMesh& part, const aiMatrix4x4& pose) {
       refuse("is damaged: a face refers to a vertex that does not exist");
     mesh.triangles.push_back({first + i[0], first + i[mirrored ? 2 : 1], first + i[mirrored ? 1 : 2]});
   }
-  if (mesh.triangles.size() > kMaxTriangles) refuse("has more than a million triangles: simplify it");
+  check_triangle_count(mesh.triangles.size());
 }
 
 void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent_pose) {
@@ -190,6 +216,9 @@ TriangleMesh import_mesh(const fs::path& file) {
     if (reason.empty()) refuse("is damaged: the importer finds no mesh in it");
     refuse(reason == std::bad_alloc().what() ? kNeedsMemory : "cannot be read: " + one_line(reason));
   }
+  std::uint64_t faces = 0;
+  for (unsigned i = 0; i < scene->mNumMeshes; ++i) faces += scene->mMeshes[i]->mNumFaces;
+  check_triangle_count(faces);
   TriangleMesh mesh;
   add(mesh, *scene, *scene->mRootNode, aiMatrix4x4());
   if (mesh.points.empty()) refuse("has no vertices");

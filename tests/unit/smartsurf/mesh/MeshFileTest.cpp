@@ -6,7 +6,9 @@
 
 #include <assimp/Exporter.hpp>
 #include <atomic>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -136,6 +138,20 @@ TEST_F(MeshFileTest, InvalidFilesGiveOneLineError) {
   EXPECT_EQ(refused("h.ply", "ply\nformat ascii 1.0\nelement vertex 9\n"),
             "is damaged: its header has no end");
   EXPECT_NE(refused("n.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").find("not finite"), std::string::npos);
+}
+
+TEST_F(MeshFileTest, TooManyTrianglesAreRefusedUnread) {
+  const std::string announced = " triangles, more than 1000000: simplify it; a few thousand are enough";
+  const fs::path ply = write("many.ply",
+                             "ply\nformat ascii 1.0\nelement vertex 9\nelement face 1000001\n"
+                             "property list uchar int vertex_indices\nend_header\n");
+  EXPECT_EQ(error_message_of([&] { read_mesh(ply); }), "has 1000001" + announced);
+  const std::uint32_t count = 2'000'000;
+  std::string head(84, '\0');
+  std::memcpy(head.data() + 80, &count, sizeof count);
+  const fs::path stl = write("many.stl", head);
+  fs::resize_file(stl, 84 + 50 * std::uintmax_t{count});
+  EXPECT_EQ(error_message_of([&] { read_mesh(stl); }), "has 2000000" + announced);
 }
 
 TEST_F(MeshFileTest, DamagedFilesDoNotCrash) {
