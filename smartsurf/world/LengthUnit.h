@@ -1,6 +1,6 @@
 // The unit of length of a world: the pitch of its surface.
 //
-// All tolerances of the physics are constants in this unit, so a scene behaves alike whether it is described
+// All tolerances of the engines are constants in this unit, so a scene behaves alike whether it is described
 // in metres or in centimetres. Lengths are converted at the world's interface only; everything inside is in
 // world units. Times and masses are the same in both. A pitch of 1 u changes no bit and copies no field.
 #pragma once

@@ -2,16 +2,19 @@
 // the unit, times and masses do not.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <numbers>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "smartsurf/mesh/SolidBuilder.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/Solid.h"
 #include "smartsurf/world/Substeps.h"
+#include "smartsurf/world/bullet/EngineFactory.h"
 #include "tests/property/PhysicsFixture.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
@@ -175,13 +178,48 @@ scene::ObjectSpec random_object(const DrawUniform& draw, double unit) {
   return o;
 }
 
-// The states of all objects after each step, divided by the unit.
-std::vector<float> random_track(unsigned seed, double unit) {
-  std::mt19937_64 random(seed);
-  const DrawUniform draw = [&random](double low, double high) {
+class UnitsOfLength : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    if (on_bullet() && !world::has_bullet()) GTEST_SKIP() << "this build has no Bullet";
+  }
+  static bool on_bullet() { return GetParam() == std::string("bullet"); }
+  static std::vector<float> random_track(unsigned seed, double unit);
+};
+
+DrawUniform uniform_of(std::mt19937_64& random) {
+  return [&random](double low, double high) {
     return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
   };
+}
+
+// A joint of the object with the next one, or with the table.
+scene::JointSpec random_joint(const DrawUniform& draw, scene::ObjectId a, const Eigen::Vector3d& position,
+                              double unit) {
+  scene::JointSpec j;
+  j.kind = static_cast<scene::JointKind>(static_cast<int>(draw(0, 4)));
+  j.a = a;
+  if (draw(0, 1) < 0.7) j.b = a + 1;
+  j.anchor = position + unit * Eigen::Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+  j.axis = {draw(-1, 1), draw(-1, 1), draw(0.1, 1)};
+  if (!j.has_coordinate()) return j;
+  const bool is_slider = j.kind == scene::JointKind::kSlider;
+  const double length = is_slider ? unit : 1.0, effort = is_slider ? unit : unit * unit;
+  j.limits = {-0.5 * length, 0.7 * length};
+  j.friction = draw(0, 0.5) * effort;
+  if (draw(0, 1) < 0.5)
+    j.spring = {draw(1, 20) * effort / length, draw(0, 1) * effort / length, draw(-0.3, 0.3) * length};
+  else
+    j.motor = {draw(-2, 2) * length, draw(1, 10) * effort};
+  return j;
+}
+
+// The states of all objects and joints after each step, and the loads of the cells, divided by the unit.
+std::vector<float> UnitsOfLength::random_track(unsigned seed, double unit) {
+  std::mt19937_64 random(seed);
+  const DrawUniform draw = uniform_of(random);
   PhysicsFixture fixture;
+  fixture.scene.world.engine = GetParam();
   scale_scene(fixture, unit);
   scene::SurfaceSpec& surface = fixture.scene.surface;
   surface.rows = surface.columns = 10;
@@ -194,9 +232,9 @@ std::vector<float> random_track(unsigned seed, double unit) {
                                       {"workspace.radius", 0.1},
                                       {"max_speed", 3.0},
                                       {"max_acceleration", 50.0},
-                                      {"max_force", 20.0},
                                       {"length", 2.0}})
       delta.values[name] = {value * unit};
+    if (!on_bullet()) delta.values["max_force"] = {20 * unit};
     delta.values["workspace.z"] = {0, 2 * unit};
     delta.values["top"] = {0.8 * unit, 0.8 * unit};
     surface.actuators = {delta};
@@ -208,7 +246,13 @@ std::vector<float> random_track(unsigned seed, double unit) {
     o.position = Eigen::Vector3d(1.8 + 2.7 * (i % 3), 1.8 + 2.7 * (i / 3), draw(2.5, 5.0)) * unit;
     ids.push_back(fixture.add(o));
   }
+  std::vector<scene::JointSpec> joints;
+  for (const scene::ObjectId a : {0, 4, 7}) {
+    joints.push_back(random_joint(draw, a, fixture.world().state(a).position, unit));
+    EXPECT_EQ(fixture.world().add_joint(joints.back()), joints.size() - 1);
+  }
   std::vector<float> track;
+  const auto add = [&track](double value) { track.push_back(static_cast<float>(value)); };
   int step = 0;
   const int channels = static_cast<int>(fixture.cells().channels().size());
   fixture.run(0.8, [&] {
@@ -220,24 +264,101 @@ std::vector<float> random_track(unsigned seed, double unit) {
           targets.push_back(static_cast<float>(draw(0, most) * unit));
         fixture.cells().set_targets(channel, targets);
       }
+    if (step == 30) {
+      fixture.world().apply_force(ids[2], Eigen::Vector3d(9, 3, 5) * unit, std::nullopt, 0.1);
+      fixture.world().apply_force(ids[3], Eigen::Vector3d(9, 3, 5) * unit,
+                                  fixture.world().state(ids[3]).position, 0.1);
+      fixture.world().wrenches()[5] = {Eigen::Vector3f(90, 30, 50) * static_cast<float>(unit),
+                                       Eigen::Vector3f(9, 8, 7) * static_cast<float>(unit * unit)};
+    }
     for (const scene::ObjectId id : ids) {
       const scene::ObjectState state = fixture.world().state(id);
       for (const Eigen::Vector3d& v : {Eigen::Vector3d(state.position / unit),
                                        Eigen::Vector3d(state.velocity / unit), state.angular_velocity})
-        for (const double x : v) track.push_back(static_cast<float>(x));
+        for (const double x : v) add(x);
     }
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      const scene::JointState state = fixture.world().joint_state(static_cast<scene::JointId>(i));
+      const bool is_slider = joints[i].kind == scene::JointKind::kSlider;
+      const double length = is_slider ? unit : 1.0;
+      add(state.coordinate / length), add(state.speed / length);
+      add(state.effort / (is_slider ? unit : unit * unit));
+      for (const double x : state.force) add(x / unit);
+    }
+    for (const world::ContactPoint& contact : fixture.world().contacts()) {
+      for (const float x : contact.point) add(static_cast<double>(x) / unit);
+      add(static_cast<double>(contact.impulse) / unit);
+    }
+    for (const float impulse : fixture.cells().field().impulse) add(static_cast<double>(impulse) / unit);
   });
   return track;
 }
 
 }  // namespace
 
+INSTANTIATE_TEST_SUITE_P(Each, UnitsOfLength, testing::Values("native", "bullet"),
+                         [](const auto& engine) { return std::string(engine.param); });
+
 // Powers of two scale without rounding: no absolute length, speed or force decides anything.
-TEST(Scale, PowersOfTwoKeepTheBits) {
+TEST_P(UnitsOfLength, PowersOfTwoKeepTheBits) {
   for (unsigned seed = 0; seed < 9; ++seed) {
     const std::vector<float> reference = random_track(seed, 1.0);
-    for (const double unit : {0x1p-7, 0x1p10})
-      EXPECT_EQ(random_track(seed, unit), reference) << seed << " " << unit;
+    for (const double unit : {0x1p-7, 0x1p-3, 0x1p3, 0x1p10})
+      EXPECT_TRUE(random_track(seed, unit) == reference) << seed << " " << unit;
+  }
+}
+
+// Balls that meet at more than 0.2 pitches/s part with the restitution, slower ones hardly at all.
+TEST_P(UnitsOfLength, RestitutionThresholdIsInPitches) {
+  std::mt19937_64 random(17);
+  const DrawUniform draw = uniform_of(random);
+  for (int i = 0; i < 60; ++i) {
+    const double unit = std::array{0.125, 1.0, 8.0}[i % 3];
+    const double restitution = draw(0.1, 1.0), speed = i % 2 == 0 ? draw(0.05, 0.19) : draw(0.21, 2.0);
+    SCOPED_TRACE(testing::Message() << unit << ": restitution " << restitution << ", speed " << speed);
+    PhysicsFixture fixture;
+    fixture.scene.world.engine = GetParam();
+    scale_scene(fixture, unit);
+    fixture.scene.world.gravity.setZero();
+    fixture.scene.materials[0].restitution = restitution;
+    scene::ObjectSpec a = sphere(0.5 * unit, Eigen::Vector3d(10, 10, 20) * unit), b = a;
+    b.position.x() += 1.02 * unit;
+    a.velocity.x() = speed * unit;
+    fixture.add(a), fixture.add(b);
+    fixture.run(0.02 / speed + 0.1);
+    const auto parting = static_cast<double>(fixture.velocity(1).x() - fixture.velocity(0).x()) / unit;
+    if (speed > 0.2)
+      EXPECT_NEAR(parting, restitution * speed, 1e-3 * speed);
+    else
+      EXPECT_NEAR(parting, 0.0, 0.05 * speed);
+  }
+}
+
+// What is off its joint comes back at 4 pitches/s.
+TEST_P(UnitsOfLength, JointsAreCorrectedAtASpeedInPitches) {
+  std::mt19937_64 random(18);
+  const DrawUniform draw = uniform_of(random);
+  for (int i = 0; i < 12; ++i) {
+    const double unit = std::array{0.125, 1.0, 8.0}[i % 3];
+    PhysicsFixture fixture;
+    fixture.scene.world.engine = GetParam();
+    scale_scene(fixture, unit);
+    fixture.scene.world.gravity.setZero();
+    const Eigen::Vector3d centre = Eigen::Vector3d(15, 15, 40) * unit;
+    scene::JointSpec joint;
+    joint.kind = std::array{scene::JointKind::kBall, scene::JointKind::kHinge}[i % 2];
+    joint.a = fixture.add(box(Eigen::Vector3d(1, 1, 1) * unit, centre));
+    joint.anchor = centre;
+    joint.axis = {0, 0, 1};
+    fixture.world().add_joint(joint);
+    fixture.run(0.1);
+    const Eigen::Vector3d offset(draw(-9, 9), draw(-9, 9), draw(8, 12));
+    scene::ObjectStateUpdate torn;
+    torn.position = centre + offset * unit;
+    fixture.world().set_state(joint.a, torn);
+    fixture.run(1.0);
+    const double distance = (fixture.world().state(joint.a).position - centre).norm() / unit;
+    EXPECT_NEAR(distance, offset.norm() - 4.0, 0.1) << unit;
   }
 }
 

@@ -15,21 +15,22 @@
 #include "smartsurf/world/bullet/BulletShape.h"
 #include "smartsurf/world/bullet/CellPool.h"
 #include "smartsurf/world/bullet/ConeFrictionSolver.h"
+#include "smartsurf/world/solver/SpeedLimits.h"
 
 namespace smartsurf::world {
 namespace {
 
 constexpr int kIterations = 100;             // of the solver, per substep
 constexpr double kConverged = 1e-8;          // most change of a contact's velocity in an iteration, pitches/s
-constexpr double kRestitutionSpeed = 0.2;    // pitches/s; slower impacts do not bounce
 constexpr double kMinTopNormalZ = 0.5;       // a contact with a smaller vertical part is with a cell's side
 constexpr double kMinLimitedNormalZ = 0.05;  // a contact with a smaller vertical part does not load the cell
 // A contact with a cell is with an edge if its normal is between these.
 constexpr double kMinEdgeNormalZ = 1e-3, kMaxEdgeNormalZ = 0.999;
-// Both are relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a
-// short step, would decide which cells bear a flat face. A body that is nowhere deeper below a cell's top
-// than the second touches the top and not the side.
-constexpr double kRelativeTouchingGap = 1e-4, kRelativeTopDepth = 5e-3;
+// In pitches. A gap up to the first counts as closed: its rounding errors, divided by a short step, would
+// decide which cells bear a flat face. A body that is nowhere deeper below a cell's top than the second
+// touches the top and not the side.
+constexpr double kTouchingGap = 1e-4, kTopDepth = 5e-3;
+constexpr double kCellMargin = 0.25;  // around a body's bounds, within which cells are in the world, pitches
 // Yield speed of a column that is not overloaded.
 constexpr double kHolds = -std::numeric_limits<double>::infinity();
 // Compliance of a contact relative to the inverse of the lighter body's mass. It makes the loads on many
@@ -90,7 +91,8 @@ std::array<float, 3> to_array(const Eigen::Vector3f& v) { return {v.x(), v.y(), 
 }  // namespace
 
 struct BulletEngine::Impl {
-  Impl(const scene::SceneSpec&, surface::Field&, const std::vector<scene::ObjectId>& ids);
+  Impl(const scene::SceneSpec&, const LengthUnit&, surface::Field& scene_field, surface::Field& field,
+       const std::vector<scene::ObjectId>& ids);
   ~Impl();
 
   void select_cells(double step_s);
@@ -107,7 +109,9 @@ struct BulletEngine::Impl {
   template <class Visit>
   void for_each_point(Visit);
 
-  surface::Field& field;
+  const LengthUnit& unit;
+  surface::Field& scene_field;
+  surface::Field& field;                    // the same in world units
   const std::vector<scene::ObjectId>& ids;  // of the bodies
   SurfaceParameters field_surface;
   double substep_s;
@@ -139,36 +143,40 @@ struct BulletEngine::Impl {
   std::vector<int> loaded_cells;  // whose Field::impulse is not zero
 };
 
-BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
+BulletEngine::Impl::Impl(const scene::SceneSpec& scene, const LengthUnit& length_unit,
+                         surface::Field& scene_units, surface::Field& world_units,
                          const std::vector<scene::ObjectId>& object_ids)
-    : field(f),
+    : unit(length_unit),
+      scene_field(scene_units),
+      field(world_units),
       ids(object_ids),
-      field_surface(parameters_of(scene.materials[scene.surface.material])),
+      field_surface(parameters_of(unit.to_world(scene.materials[scene.surface.material]))),
       substeps(substeps_of(scene.world.iterations)),
-      cells(world, f,
-            scene.surface.max_top_height() - scene.surface.pin.min_height + scene.surface.pin.length) {
+      cells(world, field,
+            unit.to_world(scene.surface.max_top_height() - scene.surface.pin.min_height +
+                          scene.surface.pin.length)) {
   substep_s = scene.world.dt_s / substeps;
   world.getDispatchInfo().m_enableSatConvex = true;
-  world.setGravity(to_bt(scene.world.gravity));
+  world.setGravity(to_bt(unit.to_world(scene.world.gravity)));
   world.before_detection = [this] { forget_points(); };
   world.before_solving = [this] { prepare_contacts(); };
   btContactSolverInfo& info = world.getSolverInfo();
   info.m_numIterations = kIterations;
-  info.m_leastSquaresResidualThreshold = std::pow(kConverged * scene.surface.pitch, 2);
+  info.m_leastSquaresResidualThreshold = kConverged * kConverged;
   info.m_solverMode =
       SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS | SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;
   info.m_warmstartingFactor = 1.0;
   info.m_splitImpulse = 1;
   info.m_splitImpulsePenetrationThreshold = std::numeric_limits<btScalar>::max();  // always
-  info.m_restitutionVelocityThreshold = kRestitutionSpeed;
+  info.m_restitutionVelocityThreshold = 0.0;                                       // prepare_point() decides
   if (scene.world.ground) {
     btRigidBody::btRigidBodyConstructionInfo ground_info(0.0, nullptr, &ground_shape);
-    ground_info.m_startWorldTransform.setOrigin({0, 0, scene.surface.ground_height()});
+    ground_info.m_startWorldTransform.setOrigin({0, 0, unit.to_world(scene.surface.ground_height())});
     ground = std::make_unique<btRigidBody>(ground_info);
     ground->setUserIndex(kGroundIndex);
     world.addRigidBody(ground.get());
   }
-  field.impulse.assign(field.height.size(), 0.0F);
+  scene_field.impulse.assign(scene_field.height.size(), 0.0F);
 }
 
 BulletEngine::Impl::~Impl() {
@@ -185,8 +193,8 @@ void BulletEngine::Impl::select_cells(double step_s) {
     body.rigid->getAabb(box.min, box.max);
     const btScalar turn = body.rigid->getAngularVelocity().length() * (box.max - box.min).length();
     const btScalar fall = world.getGravity().length() * step_s;
-    const btScalar margin = 0.25 * static_cast<double>(field.pitch) +
-                            2.0 * step_s * (body.rigid->getLinearVelocity().length() + turn + fall);
+    const btScalar margin =
+        kCellMargin + 2.0 * step_s * (body.rigid->getLinearVelocity().length() + turn + fall);
     box.min -= btVector3(margin, margin, margin);
     box.max += btVector3(margin, margin, margin);
     if (std::isfinite(margin)) boxes.push_back(box);
@@ -278,7 +286,7 @@ void BulletEngine::Impl::correct_normal(btManifoldPoint& p, const btRigidBody& b
   btVector3 body_min, body_max, cell_min, cell_max;
   body.getAabb(body_min, body_max);
   cell.getAabb(cell_min, cell_max);
-  if (body_min.z() < cell_max.z() - kRelativeTopDepth * static_cast<double>(field.pitch)) return;
+  if (body_min.z() < cell_max.z() - kTopDepth) return;
   const double sign = p.m_normalWorldOnB.z() < 0.0 ? -1.0 : 1.0;
   if (normal_z < kMinTopNormalZ) {
     p.m_distance1 = std::numeric_limits<btScalar>::max();
@@ -306,7 +314,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
                                       b.getVelocityInLocalPoint(at - b.getCenterOfMassPosition());
   const btScalar approach = -relative_velocity.dot(p.m_normalWorldOnB);
   const double restitution = std::max(sa.restitution, sb.restitution);
-  const bool bounces = restitution > 0.0 && approach > kRestitutionSpeed * static_cast<double>(field.pitch);
+  const bool bounces = restitution > 0.0 && approach > static_cast<double>(kRestitutionThreshold);
   p.m_combinedRestitution = bounces ? restitution : 0.0;
   p.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED | BT_CONTACT_FLAG_HAS_CONTACT_CFM;
   const btScalar mobility = a.getInvMass() + b.getInvMass();
@@ -316,8 +324,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   // rebound, and a ball that rolls from cell to cell would hit their edges: these contacts wait until they
   // touch.
   const double normal_z = std::abs(p.m_normalWorldOnB.z());
-  const double touching_gap = kRelativeTouchingGap * static_cast<double>(field.pitch);
-  if (p.getDistance() > 0.0 && p.getDistance() < touching_gap) p.m_distance1 = 0.0;
+  if (p.getDistance() > 0.0 && p.getDistance() < kTouchingGap) p.m_distance1 = 0.0;
   const bool is_edge = on_column && normal_z > kMinEdgeNormalZ && normal_z < kMaxEdgeNormalZ;
   if ((bounces || is_edge) && p.getDistance() > 0.0) {
     p.m_distance1 = std::numeric_limits<btScalar>::max();
@@ -342,7 +349,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   p.m_contactMotion2 = sign * surface.dot(p.m_lateralFrictionDir2);
 }
 
-// The impulse is that of the last substep.
+// In scene units. The impulse is that of the last substep.
 ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const btRigidBody& a,
                                                const btRigidBody& b) const {
   // Bullet's normal points towards a.
@@ -350,8 +357,8 @@ ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const b
   const int object = towards_a ? a.getUserIndex() : b.getUserIndex();
   const int other = towards_a ? b.getUserIndex() : a.getUserIndex();
   const btVector3 normal = towards_a ? p.m_normalWorldOnB : -p.m_normalWorldOnB;
-  return {to_eigen(p.getPositionWorldOnB()).cast<float>(), to_eigen(normal).cast<float>(),
-          static_cast<float>(p.m_appliedImpulse), ids[object],
+  return {unit.to_scene(to_eigen(p.getPositionWorldOnB())).cast<float>(), to_eigen(normal).cast<float>(),
+          unit.to_scene(static_cast<float>(p.m_appliedImpulse)), ids[object],
           other >= 0 ? std::optional(ids[other]) : std::nullopt};
 }
 
@@ -365,12 +372,12 @@ void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts) {
     const bool a_is_cell = a.getUserIndex() < kGroundIndex;
     if (!a_is_cell && b.getUserIndex() >= kGroundIndex) return;
     const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());
-    float& total = field.impulse[cell];
+    float& total = scene_field.impulse[cell];
     if (total == 0.0F) loaded_cells.push_back(cell);
-    total += static_cast<float>(impulse);
+    total += unit.to_scene(static_cast<float>(impulse));
     if (field.has_offset())  // Bullet's normal points towards a
-      field.tip_impulse[cell] +=
-          to_eigen((a_is_cell ? impulse : -impulse) * p.m_normalWorldOnB).cast<float>();
+      scene_field.tip_impulse[cell] +=
+          unit.to_scene(to_eigen((a_is_cell ? impulse : -impulse) * p.m_normalWorldOnB)).cast<float>();
     const auto* detail = static_cast<const ContactDetail*>(p.m_userPersistentData);
     const int limited = detail->limited_cell;
     if (limited < 0) return;
@@ -395,11 +402,14 @@ void BulletEngine::Impl::advance_columns() {
 }
 
 BulletEngine::BulletEngine(const scene::SceneSpec& scene, surface::Field& field, common::ThreadPool* pool)
-    : materials_(scene.materials),
-      field_(field),
+    : unit_(scene.surface.pitch),
+      materials_(scene.materials),
+      scene_field_(field),
+      field_copy_(unit_.is_one() ? surface::Field() : unit_.to_world(field)),
+      field_(unit_.is_one() ? field : field_copy_),
       dt_s_(scene.world.dt_s),
       field_hasher_(pool),
-      impl_(std::make_unique<Impl>(scene, field, ids_)) {
+      impl_(std::make_unique<Impl>(scene, unit_, scene_field_, field_, ids_)) {
   add_all(scene);
 }
 
@@ -421,16 +431,19 @@ void BulletEngine::read_body(std::size_t i) {
   const Eigen::Quaterniond orientation =
       (to_eigen(pose.getRotation()) * body.shape.principal_axes.conjugate()).normalized();
   const Eigen::Vector3d to_origin = orientation * -body.shape.centre_of_mass;
-  positions_[i] = (to_eigen(pose.getOrigin()) + to_origin).cast<float>();
+  positions_[i] = unit_.to_scene(Eigen::Vector3d(to_eigen(pose.getOrigin()) + to_origin)).cast<float>();
   orientations_[i] = orientation.cast<float>();
-  velocities_[i] = to_eigen(body.rigid->getVelocityInLocalPoint(to_bt(to_origin))).cast<float>();
+  velocities_[i] =
+      unit_.to_scene(to_eigen(body.rigid->getVelocityInLocalPoint(to_bt(to_origin)))).cast<float>();
   angular_velocities_[i] = to_eigen(body.rigid->getAngularVelocity()).cast<float>();
 }
 
-scene::ObjectId BulletEngine::add(const scene::ObjectSpec& spec) {
-  const scene::Material& material = materials_[spec.material];
+scene::ObjectId BulletEngine::add(const scene::ObjectSpec& scene_spec) {
+  const scene::Material& material = materials_[scene_spec.material];
+  const scene::ObjectSpec spec = unit_.to_world(scene_spec, material);
   const double mass = spec.fixed ? 0.0 : spec.mass.value_or(material.density * spec.volume());
-  Body body{gathers_points(spec.shape), make_bullet_shape(spec, mass), nullptr, parameters_of(material)};
+  Body body{gathers_points(spec.shape), make_bullet_shape(spec, mass), nullptr,
+            parameters_of(unit_.to_world(material))};
   if (spec.friction) body.surface.friction = *spec.friction;
   if (!resists_rolling(spec.shape)) body.surface.rolling_friction = 0.0;
   btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, body.shape.shape, body.shape.inertia);
@@ -475,17 +488,19 @@ bool BulletEngine::remove(scene::ObjectId id) {
   return true;
 }
 
-bool BulletEngine::set_state(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
+bool BulletEngine::set_state(scene::ObjectId id, const scene::ObjectStateUpdate& scene_update) {
   const int index = find(id);
   if (index < 0) return false;
   Body& body = impl_->bodies[index];
+  const scene::ObjectStateUpdate update = unit_.to_world(scene_update);
   const scene::ObjectState now = state(id);
   const Eigen::Quaterniond orientation = update.orientation.value_or(now.orientation).normalized();
   const Eigen::Vector3d to_centre = orientation * body.shape.centre_of_mass;
   const bool has_offset = !body.shape.centre_of_mass.isZero(0.0);
   btTransform pose = body.rigid->getWorldTransform();
   if (update.position || has_offset)
-    pose.setOrigin(to_bt(Eigen::Vector3d(update.position.value_or(now.position) + to_centre)));
+    pose.setOrigin(
+        to_bt(Eigen::Vector3d(update.position.value_or(unit_.to_world(now.position)) + to_centre)));
   if (update.orientation)
     pose.setRotation(to_bt(Eigen::Quaterniond(orientation * body.shape.principal_axes)));
   if (update.position || update.orientation) {
@@ -501,8 +516,8 @@ bool BulletEngine::set_state(scene::ObjectId id, const scene::ObjectStateUpdate&
     body.rigid->setAngularVelocity(to_bt(*update.angular_velocity));
   if ((update.velocity || has_offset) && masses_[index] > 0.0F) {
     const Eigen::Vector3d spin = to_eigen(body.rigid->getAngularVelocity());
-    body.rigid->setLinearVelocity(
-        to_bt(Eigen::Vector3d(update.velocity.value_or(now.velocity) + spin.cross(to_centre))));
+    body.rigid->setLinearVelocity(to_bt(
+        Eigen::Vector3d(update.velocity.value_or(unit_.to_world(now.velocity)) + spin.cross(to_centre))));
   }
   read_body(index);
   return true;
@@ -514,10 +529,10 @@ bool BulletEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
   if (index < 0) return false;
   const scene::ObjectState now = state(id);
   const Eigen::Vector3d local_point =
-      point ? Eigen::Vector3d(now.orientation.conjugate() * (*point - now.position) -
+      point ? Eigen::Vector3d(now.orientation.conjugate() * unit_.to_world(*point - now.position) -
                               impl_->bodies[index].shape.centre_of_mass)
             : Eigen::Vector3d::Zero();
-  timed_forces_.push_back({id, force, local_point, StepCountdown(duration_s, dt_s_)});
+  timed_forces_.push_back({id, unit_.to_world(force), local_point, StepCountdown(duration_s, dt_s_)});
   return true;
 }
 
@@ -535,7 +550,8 @@ BulletJoint* BulletEngine::find_joint(scene::JointId id) const {
 
 scene::JointId BulletEngine::add_joint(const scene::JointSpec& spec) {
   auto body_of = [this](scene::ObjectId id) { return impl_->bodies[find(id)].rigid.get(); };
-  impl_->joints.push_back(std::make_unique<BulletJoint>(next_joint_id_, spec, impl_->world, *body_of(spec.a),
+  impl_->joints.push_back(std::make_unique<BulletJoint>(next_joint_id_, unit_.to_world(spec), impl_->world,
+                                                        *body_of(spec.a),
                                                         spec.b ? body_of(*spec.b) : nullptr));
   return next_joint_id_++;
 }
@@ -547,14 +563,19 @@ void BulletEngine::remove_joint(scene::JointId id) {
 }
 
 void BulletEngine::set_motor(scene::JointId id, const scene::JointMotor& motor) {
-  find_joint(id)->set_motor(motor);
+  BulletJoint& joint = *find_joint(id);
+  joint.set_motor(unit_.to_world(joint.kind(), motor));
 }
 
 void BulletEngine::set_spring(scene::JointId id, const scene::JointSpring& spring) {
-  find_joint(id)->set_spring(spring);
+  BulletJoint& joint = *find_joint(id);
+  joint.set_spring(unit_.to_world(joint.kind(), spring));
 }
 
-scene::JointState BulletEngine::joint_state(scene::JointId id) const { return find_joint(id)->state(dt_s_); }
+scene::JointState BulletEngine::joint_state(scene::JointId id) const {
+  const BulletJoint& joint = *find_joint(id);
+  return unit_.to_scene(joint.kind(), joint.state(dt_s_));
+}
 
 surface::BodyView BulletEngine::bodies() const {
   led_positions_.resize(ids_.size()), led_orientations_.resize(ids_.size());
@@ -584,14 +605,18 @@ void BulletEngine::apply_timed_forces() {
 
 void BulletEngine::step() {
   Impl& s = *impl_;
-  for (std::size_t i = 0; i < ids_.size(); ++i) {  // from about the origin to about the centre of mass
+  if (!unit_.is_one()) unit_.update_motion(scene_field_, field_copy_, nullptr);
+  // Wrenches come in scene units and act about the origin, Bullet's about the centre of mass.
+  for (std::size_t i = 0; i < ids_.size(); ++i) {
+    surface::Wrench& wrench = wrenches_[i];
     const Eigen::Vector3f centre_of_mass = s.bodies[i].shape.centre_of_mass.cast<float>();
-    wrenches_[i].torque -= (orientations_[i] * centre_of_mass).cross(wrenches_[i].force);
+    wrench = unit_.to_world(wrench);
+    wrench.torque -= (orientations_[i] * centre_of_mass).cross(wrench.force);
   }
   apply_timed_forces();
   for (const int cell : s.loaded_cells) {
-    field_.impulse[cell] = 0.0F;
-    if (field_.has_offset()) field_.tip_impulse[cell].setZero();
+    scene_field_.impulse[cell] = 0.0F;
+    if (field_.has_offset()) scene_field_.tip_impulse[cell].setZero();
   }
   s.loaded_cells.clear();
   contacts_.clear();
@@ -613,13 +638,15 @@ void BulletEngine::step() {
     for (const auto& joint : s.joints) joint->end_substep(s.substep_s);
   }
   s.world.clearForces();
-  if (field_.has_force_limit())
+  if (field_.has_force_limit()) {
     for (const CellPool::Column& column : s.cells.columns()) {
       const double height = field_.height[column.cell];
       float& speed = field_.speed[column.cell];
       if (std::isfinite(field_.force_limit[column.cell]))
         speed = std::min(speed, static_cast<float>((column.top - height) / dt_s_));
     }
+    if (!unit_.is_one()) unit_.return_lowered_speeds(field_, scene_field_);
+  }
   for (std::size_t i = 0; i < ids_.size(); ++i) read_body(i);
   std::fill(wrenches_.begin(), wrenches_.end(), surface::Wrench{});
 }
@@ -639,7 +666,7 @@ void BulletEngine::snapshot(scene::Snapshot& out, bool /*with_hash*/) const {
     out.angular_velocity[i] = to_array(angular_velocities_[i]);
   }
   StateHash hash = hash_objects(out);
-  field_hasher_.copy_and_hash(field_, true, out.height, hash);
+  field_hasher_.copy_and_hash(scene_field_, true, out.height, hash);
   out.state_hash = hash.value();
   out.contact_count = static_cast<std::uint32_t>(contact_count_);
 }

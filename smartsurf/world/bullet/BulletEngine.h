@@ -12,6 +12,7 @@
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/world/Engine.h"
+#include "smartsurf/world/LengthUnit.h"
 #include "smartsurf/world/StateHash.h"
 #include "smartsurf/world/StepCountdown.h"
 
@@ -60,18 +61,21 @@ class BulletEngine final : public Engine {
   void read_body(std::size_t index);
   void apply_timed_forces();
 
-  std::vector<scene::Material> materials_;
-  surface::Field& field_;
+  LengthUnit unit_;
+  std::vector<scene::Material> materials_;  // in scene units
+  surface::Field& scene_field_;
+  surface::Field field_copy_;  // empty while both units are the same
+  surface::Field& field_;      // in world units
   double dt_s_;
   scene::ObjectId next_id_ = 0;
   scene::JointId next_joint_id_ = 0;
   struct TimedForce {
     scene::ObjectId id;
-    Eigen::Vector3d force, local_point;  // local_point: from the centre of mass, body axes, u
+    Eigen::Vector3d force, local_point;  // in world units; local_point: from the centre of mass, body axes
     StepCountdown time_left;
   };
   std::vector<TimedForce> timed_forces_;
-  // One entry per live object, ascending by id.
+  // One entry per live object, ascending by id; in scene units.
   std::vector<scene::ObjectId> ids_;
   std::vector<Eigen::Vector3f> positions_, velocities_, angular_velocities_;
   std::vector<Eigen::Quaternionf> orientations_;
@@ -80,7 +84,7 @@ class BulletEngine final : public Engine {
   mutable std::vector<Eigen::Quaternionf> led_orientations_;
   std::vector<float> masses_;
   std::vector<surface::Wrench> wrenches_;
-  std::vector<ContactPoint> contacts_;  // of all substeps
+  std::vector<ContactPoint> contacts_;  // of all substeps, in scene units
   std::size_t contact_count_ = 0;       // in the last substep
   mutable FieldHasher field_hasher_;
   std::unique_ptr<Impl> impl_;

@@ -8,12 +8,12 @@
 
 #include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/bullet/BulletShape.h"
+#include "smartsurf/world/solver/SpeedLimits.h"
 
 namespace smartsurf::world {
 namespace {
 
-constexpr double kErrorReduction = 0.2;      // of a joint's error, in each substep
-constexpr double kMaxCorrectionSpeed = 4.0;  // u/s, rad/s
+constexpr double kErrorReduction = 0.2;  // of a joint's error, in each substep
 
 void set_range(btGeneric6DofSpring2Constraint& c, int first, int count, bool is_free) {
   // A range without width is locked, an inverted one is free.
@@ -122,7 +122,7 @@ void BulletJoint::begin_substep(double substep_s) {
   const auto reduce = [&](std::initializer_list<int> axes) {
     double squared = 0.0;
     for (const int i : axes) squared += std::pow(error_along(i), 2);
-    const double share = std::min(kErrorReduction, kMaxCorrectionSpeed * substep_s / std::sqrt(squared));
+    const double share = std::min(kErrorReduction, kMaxJointCorrectionSpeed * substep_s / std::sqrt(squared));
     for (const int i : axes) constraint_->setParam(BT_CONSTRAINT_STOP_ERP, share, i);
   };
   if (kind_ == scene::JointKind::kSlider)

@@ -13,13 +13,14 @@ namespace smartsurf::world {
 
 class BulletJoint {
  public:
-  // `a` and `b` at the time of creation; b = null: the table. The joint is in `world` as long as it lives;
-  // world and bodies must outlive it.
+  // All quantities are in world units. `a` and `b` at the time of creation; b = null: the table. The joint is
+  // in `world` as long as it lives; world and bodies must outlive it.
   BulletJoint(scene::JointId, const scene::JointSpec&, btDiscreteDynamicsWorld& world, btRigidBody& a,
               btRigidBody* b);
   ~BulletJoint();
 
   scene::JointId id() const { return id_; }
+  scene::JointKind kind() const { return kind_; }
   bool connects(const btRigidBody& body) const { return a_ == &body || b_ == &body; }
   void set_motor(const scene::JointMotor&);
   void set_spring(const scene::JointSpring&);

@@ -553,7 +553,8 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   if (length <= limit) return changed;
   changed |= sticks && bears;
   sticks = false;
-  for (int k = 0; k < 2; ++k) spring[1 + k].change = friction[k] * limit / length - spring[1 + k].impulse;
+  const double scale = law::cone_scale(length, limit);
+  for (int k = 0; k < 2; ++k) spring[1 + k].change = scale * friction[k] - spring[1 + k].impulse;
   return changed;
 }
 

@@ -8,6 +8,7 @@
 #include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
+#include "smartsurf/world/solver/SpeedLimits.h"
 
 namespace smartsurf::world {
 namespace {
@@ -467,7 +468,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
     least = std::min(least, speed);
     approaching_.push_back({&c, law::rebound_speed(restitution, speed)});
   }
-  if (touches && least < -kThreshold) {
+  if (touches && least < -kRestitutionThreshold) {
     // A body that surfaces squeeze would bounce between them without end.
     const bool is_elastic = !is_last_ && (ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits);
     for (const Approaching& a : approaching_)

@@ -27,9 +27,6 @@ namespace smartsurf::world {
 
 class ImpactSolver {
  public:
-  // Minimum approach speed of an impact, u/s.
-  static constexpr float kThreshold = 0.2F;
-
   // True if nothing but `partner` comes within `reach` of the body's bounding sphere in the step.
   using HasRoom = std::function<bool(std::int32_t body, std::int32_t partner, float reach)>;
 

@@ -8,6 +8,7 @@
 
 #include "smartsurf/scene/Axes.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
+#include "smartsurf/world/solver/SpeedLimits.h"
 
 namespace smartsurf::world {
 namespace {
@@ -29,9 +30,9 @@ constexpr double kConverged = 1e-8, kStagnation = 0.9;
 // Compliance of a held row, relative to what its two bodies give way by. The rows of a loop can depend on
 // each other; the rounds take out what it lets through.
 constexpr double kCompliance = 1e-12, kLoopCompliance = 1e-6;
-// Baumgarte factor and its speed limit, u/s: joints in loops, and joints and contacts together, can be
+// Baumgarte factor. Its speed has a limit because joints in loops, and joints and contacts together, can be
 // over-constrained.
-constexpr double kErrorReduction = 0.5, kMaxJointBiasSpeed = 4.0;
+constexpr double kErrorReduction = 0.5;
 // Corrections up to this speed, u/s, are solved together with the motion. Where a loop is stretched out, a
 // small error takes a great speed, which must not remain.
 constexpr double kSlowCorrection = 1e-3;
@@ -50,7 +51,7 @@ constexpr int kAxis = 5;  // the row
 
 // The speed at which a coordinate returns to a limit that it has passed.
 double correction_speed(double room, double h_s) {
-  return std::min(-kErrorReduction * room / h_s, kMaxJointBiasSpeed);
+  return std::min(-kErrorReduction * room / h_s, kMaxJointCorrectionSpeed);
 }
 
 double compliance_of(const JointEquations::Tree& tree) {
@@ -524,8 +525,8 @@ void JointSolver::correct_target(const Joint& j, Block& block, double h_s) {
     correction.head(count) = kErrorReduction * block.error.segment(first, count);
     block.target_error.segment(first, count) -= law::clamp_length(correction, most).head(count);
   };
-  correct(0, linear, kMaxJointBiasSpeed * h_s);
-  correct(linear, block.rigid_rows - linear, kMaxJointBiasSpeed * h_s / arm);
+  correct(0, linear, kMaxJointCorrectionSpeed * h_s);
+  correct(linear, block.rigid_rows - linear, kMaxJointCorrectionSpeed * h_s / arm);
 }
 
 void JointSolver::take_back_corrections(IndexRange trees) {

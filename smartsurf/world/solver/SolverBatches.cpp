@@ -8,6 +8,7 @@
 #include "smartsurf/world/narrowphase/PairContacts.h"
 #include "smartsurf/world/simd/Simd4.h"
 #include "smartsurf/world/solver/Solver.h"
+#include "smartsurf/world/solver/SpeedLimits.h"
 
 namespace smartsurf::world {
 namespace {
@@ -103,8 +104,8 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
   const ContactList& list = context.contact_list(kind);
   // The speed gained by gravity within a step is not an impact.
   const float plastic_threshold =
-      std::max(ImpactSolver::kThreshold, 2.0F * settings_.gravity.norm() * settings_.dt_s);
-  const float threshold = context.any_restitution ? ImpactSolver::kThreshold : plastic_threshold;
+      std::max(kRestitutionThreshold, 2.0F * settings_.gravity.norm() * settings_.dt_s);
+  const float threshold = context.any_restitution ? kRestitutionThreshold : plastic_threshold;
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if (least_speed[lane] >= -threshold) continue;
     const int manifold = graph_.manifold(index, lane);
@@ -126,7 +127,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
       const bool in_substeps =
           c.normal_impulse > 0.0F ||
           (is_limited && c.max_cell_impulse < -kLimitMargin * p.normal_mass[lane] * speed);
-      if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
+      if (speed >= (in_substeps ? -kRestitutionThreshold : 0.0F)) continue;
       const float restitution =
           restitution_of(material_[o.a[lane]], material_of_b(context.bodies, settings_.field_material, m, c));
       if (restitution == 0.0F && (in_substeps || !lands_flat)) continue;
