@@ -4,6 +4,8 @@
 // number of lanes.
 #include <hwy/highway.h>
 
+#include <bit>
+#include <cstdint>
 #include <limits>
 
 #include "smartsurf/surface/raycast/RayBodies.h"
@@ -61,9 +63,7 @@ class VerticalFacets {
   static constexpr float kMaxVerticalNormalZ = 1e-6F;
   // The plane k is z = intercept[k] + x[k]·px + y[k]·py.
   struct Planes {
-    // Padded because add() stores whole vectors.
-    float x[kMaxFacets + FacetBlock::kLanes], y[kMaxFacets + FacetBlock::kLanes],
-        intercept[kMaxFacets + FacetBlock::kLanes];
+    float x[kMaxFacets], y[kMaxFacets], intercept[kMaxFacets];
     HWY_ALIGN float at_columns[kMaxFacets * FacetBlock::kLanes];  // intercept + x·px of each line
     int count = 0;
   };
@@ -82,23 +82,27 @@ class VerticalFacets {
     const auto per_z = hn::Div(hn::Set(d, 1.0F), hn::IfThenElse(vertical, hn::Set(d, 1.0F), nz));
     const auto slope_x = hn::Neg(hn::Mul(nx, per_z)), slope_y = hn::Neg(hn::Mul(ny, per_z)),
                intercept = hn::Mul(offset, per_z);
-    // Compress in registers: a compressing store is many times slower on some CPUs.
-    const auto compress_store = [&](auto values, hn::Mask<FacetTag> which, float* to) {
-      hn::StoreU(hn::Compress(values, which), d, to);
+    // Not hn::Compress: Highway 1.0 copies its table to the stack in each call.
+    HWY_ALIGN float of_facet[3][FacetBlock::kLanes];
+    const auto keep = [&](auto u, auto v, auto w) {
+      hn::Store(u, d, of_facet[0]), hn::Store(v, d, of_facet[1]), hn::Store(w, d, of_facet[2]);
     };
-    const auto append_planes = [&](Planes& planes, hn::Mask<FacetTag> which) {
-      compress_store(slope_x, which, planes.x + planes.count);
-      compress_store(slope_y, which, planes.y + planes.count);
-      compress_store(intercept, which, planes.intercept + planes.count);
-      planes.count += static_cast<int>(hn::CountTrue(d, which));
+    const auto append = [&](hn::Mask<FacetTag> which, float* to_u, float* to_v, float* to_w, int& count) {
+      std::uint8_t bits[8];  // as many as StoreMaskBits() may write
+      hn::StoreMaskBits(d, which, bits);
+      for (unsigned left = bits[0]; left != 0; left &= left - 1, ++count) {
+        const int k = std::countr_zero(left);
+        to_u[count] = of_facet[0][k], to_v[count] = of_facet[1][k], to_w[count] = of_facet[2][k];
+      }
     };
-    append_planes(roofs_, hn::AndNot(vertical, hn::Gt(nz, hn::Zero(d))));
-    append_planes(floors_, hn::AndNot(vertical, hn::Lt(nz, hn::Zero(d))));
+    keep(slope_x, slope_y, intercept);
+    for (Planes* const planes : {&roofs_, &floors_}) {
+      const auto faces = planes == &roofs_ ? hn::Gt(nz, hn::Zero(d)) : hn::Lt(nz, hn::Zero(d));
+      append(hn::AndNot(vertical, faces), planes->x, planes->y, planes->intercept, planes->count);
+    }
     if (hn::AllFalse(d, vertical)) return;
-    compress_store(nx, vertical, wall_x_ + walls_);
-    compress_store(ny, vertical, wall_y_ + walls_);
-    compress_store(offset, vertical, wall_offset_ + walls_);
-    walls_ += static_cast<int>(hn::CountTrue(d, vertical));
+    keep(nx, ny, offset);
+    append(vertical, wall_x_, wall_y_, wall_offset_, walls_);
   }
 
   template <class D>
@@ -116,8 +120,7 @@ class VerticalFacets {
 
   Planes floors_, roofs_;
   int walls_ = 0;
-  float wall_x_[kMaxFacets + FacetBlock::kLanes], wall_y_[kMaxFacets + FacetBlock::kLanes],
-      wall_offset_[kMaxFacets + FacetBlock::kLanes];
+  float wall_x_[kMaxFacets], wall_y_[kMaxFacets], wall_offset_[kMaxFacets];
   HWY_ALIGN float wall_at_[kMaxFacets * FacetBlock::kLanes];
 };
 

@@ -17,6 +17,7 @@ int find_overlaps_for_target(const BoundingSpheres& s, int self, std::span<const
                              std::int32_t* found) {
   const hn::CappedTag<float, 8> d;  // runs are short: wider vectors would mostly be empty
   const hn::RebindToSigned<decltype(d)> indices;
+  const hn::Rebind<std::uint8_t, decltype(d)> bytes;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto x = hn::Set(d, s.x[self]), y = hn::Set(d, s.y[self]), z = hn::Set(d, s.z[self]),
              radius = hn::Set(d, s.radius[self]);
@@ -29,9 +30,12 @@ int find_overlaps_for_target(const BoundingSpheres& s, int self, std::span<const
       const auto distance_squared = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
       const auto overlaps =
           hn::And(hn::Lt(distance_squared, hn::Mul(radius_sum, radius_sum)), hn::FirstN(d, run.end - k));
-      // Not CompressStore: a compress to memory takes a hundred cycles on some cores.
-      hn::StoreU(hn::Compress(hn::Iota(indices, k), hn::RebindMask(indices, overlaps)), indices,
-                 found + count);
+      // Neither CompressStore, which takes a hundred cycles on some cores, nor Compress, whose table Highway
+      // 1.0 copies to the stack in each call.
+      std::uint8_t bits[8];  // as many as StoreMaskBits() may write
+      hn::StoreMaskBits(d, overlaps, bits);
+      const auto positions = hn::PromoteTo(indices, hn::LoadU(bytes, kSetBits[bits[0]].data()));
+      hn::StoreU(hn::Add(hn::Set(indices, k), positions), indices, found + count);
       count += hn::CountTrue(d, overlaps);
     }
   return static_cast<int>(count);

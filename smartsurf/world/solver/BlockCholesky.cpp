@@ -37,27 +37,30 @@ void for_each_bit(Mask mask, Each each) {
   for (; mask != 0; mask &= mask - 1) each(lowest_bit(mask));
 }
 
-// A column of a block as compiler vectors, because GCC does not vectorise loops of six at -O2. They round as
-// the scalars do.
-struct BlockColumn {
-  using Double2 [[gnu::vector_size(16)]] = double;
-  Double2 part[kSize / 2];
+using Double2 [[gnu::vector_size(16)]] = double;
+Double2 load2(const double* from) {
+  Double2 v;
+  std::memcpy(&v, from, sizeof(v));
+  return v;
+}
+void store2(const Double2& v, double* to) { std::memcpy(to, &v, sizeof(v)); }
 
-  static BlockColumn load(const double* from) {
-    BlockColumn c;
-    std::memcpy(c.part, from, sizeof(c.part));
-    return c;
-  }
-  void store(double* to) const { std::memcpy(to, part, sizeof(part)); }
+// A column of a block as compiler vectors, because GCC does not vectorise loops of six at -O2. They round as
+// the scalars do. Members, not an array, which GCC would keep in memory.
+struct BlockColumn {
+  Double2 low, middle, high;
+
+  static BlockColumn load(const double* from) { return {load2(from), load2(from + 2), load2(from + 4)}; }
+  void store(double* to) const { store2(low, to), store2(middle, to + 2), store2(high, to + 4); }
 };
 BlockColumn operator*(const BlockColumn& c, double factor) {
-  return {c.part[0] * factor, c.part[1] * factor, c.part[2] * factor};
+  return {c.low * factor, c.middle * factor, c.high * factor};
 }
 BlockColumn operator+(const BlockColumn& a, const BlockColumn& b) {
-  return {a.part[0] + b.part[0], a.part[1] + b.part[1], a.part[2] + b.part[2]};
+  return {a.low + b.low, a.middle + b.middle, a.high + b.high};
 }
 BlockColumn operator-(const BlockColumn& a, const BlockColumn& b) {
-  return {a.part[0] - b.part[0], a.part[1] - b.part[1], a.part[2] - b.part[2]};
+  return {a.low - b.low, a.middle - b.middle, a.high - b.high};
 }
 
 // c −= a·bᵀ
@@ -88,12 +91,10 @@ bool factor_block(double* a) {
 
 // a := a·l⁻ᵀ
 void divide_by_factor(const double* __restrict l, double* __restrict a) {
-  BlockColumn column[kSize];
   for (int j = 0; j < kSize; ++j) {
-    column[j] = BlockColumn::load(a + j * kSize);
-    for (int k = 0; k < j; ++k) column[j] = column[j] - column[k] * l[k * kSize + j];
-    column[j] = column[j] * l[j * kSize + j];
-    column[j].store(a + j * kSize);
+    BlockColumn column = BlockColumn::load(a + j * kSize);
+    for (int k = 0; k < j; ++k) column = column - BlockColumn::load(a + k * kSize) * l[k * kSize + j];
+    (column * l[j * kSize + j]).store(a + j * kSize);
   }
 }
 

@@ -185,6 +185,7 @@ void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Membe
     collect_points(step);
     collect_patches(step.supports);
     std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
+    if (matrices_.size() < islands_.size()) matrices_.resize(islands_.size());
     share_islands();
   });
 }
@@ -375,19 +376,17 @@ void HeavyIslandSolver::exchange_impulses(std::span<Point> island, const BatchPo
   }
 }
 
-void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const SolverBodies& rows,
-                               const SubstepParams& params, bool is_soft) {
+// The axes and the Jacobians, which stay through the step.
+void HeavyIslandSolver::set_axes(Point& p, const BatchPoints& points, const SolverBodies& rows) {
   const BatchPoint& q = points.point[p.index];
   const BatchPointDetail& d = points.detail[p.index];
   const Vector3 n = load_lane(q.normal, p.lane).cast<double>();
   law::Vector3<float> t, u;
   law::tangents(to_law(n.cast<float>()), t, u);
   const Vector3 axis[3] = {n, from_law(t).cast<double>(), from_law(u).cast<double>()};
-  double speed[3] = {}, displacement = 0.0, least_inverse_mass = 1e30;
+  p.least_inverse_mass = 1e30;
   for (int side = 0; side < 2; ++side) {
     if (p.row[side] < 0) continue;
-    const BodyVelocity& m = rows.velocity[p.row[side]];
-    const DeltaPose& delta = rows.delta_pose[p.row[side]];
     Vector3 anchor = load_lane(side == 0 ? d.anchor_a : d.anchor_b, p.lane).cast<double>();
     if (is_sphere_kind(p.kind))
       anchor = n * static_cast<double>(side == 0 ? -q.radius_a[p.lane] : q.radius_b[p.lane]);
@@ -395,22 +394,39 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
       const Vector3 along = side == 0 ? axis[k] : Vector3(-axis[k]);
       const Vector3 turn = anchor.cross(along);
       for (int i = 0; i < 3; ++i) p.jacobian[side][k][i] = along[i], p.jacobian[side][k][3 + i] = turn[i];
-      speed[k] += along.dot(to_double(m.velocity)) + turn.dot(to_double(m.angular_velocity));
+    }
+    if (const float inverse_mass = rows.velocity[p.row[side]].inverse_mass; inverse_mass > 0.0F)
+      p.least_inverse_mass = std::min(p.least_inverse_mass, static_cast<double>(inverse_mass));
+  }
+}
+
+void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const SolverBodies& rows,
+                               const SubstepParams& params, bool is_soft) {
+  const BatchPoint& q = points.point[p.index];
+  const BatchPointDetail& d = points.detail[p.index];
+  const auto axis = [&p](int k) { return Vector3(p.jacobian[0][k]); };
+  double speed[3] = {}, displacement = 0.0;
+  for (int side = 0; side < 2; ++side) {
+    if (p.row[side] < 0) continue;
+    const BodyVelocity& m = rows.velocity[p.row[side]];
+    const DeltaPose& delta = rows.delta_pose[p.row[side]];
+    const Vector3 velocity = to_double(m.velocity), spin = to_double(m.angular_velocity);
+    for (int k = 0; k < 3; ++k) {
+      const Vector3 along(p.jacobian[side][k]), turn(p.jacobian[side][k] + 3);
+      speed[k] += along.dot(velocity) + turn.dot(spin);
       if (k == 0)
         displacement += along.dot(to_double(delta.translation)) + turn.dot(to_double(delta.rotation));
     }
-    if (m.inverse_mass > 0.0F)
-      least_inverse_mass = std::min(least_inverse_mass, static_cast<double>(m.inverse_mass));
   }
   if (p.kind != kSpherePair) {
     const Vector3 surface = load_lane(d.surface_velocity, p.lane).cast<double>();
-    for (int k = 0; k < 3; ++k) speed[k] -= axis[k].dot(surface);
-    if (!is_pair(p.kind)) displacement -= n.dot(surface) * static_cast<double>(params.elapsed_s);
+    for (int k = 0; k < 3; ++k) speed[k] -= axis(k).dot(surface);
+    if (!is_pair(p.kind)) displacement -= axis(0).dot(surface) * static_cast<double>(params.elapsed_s);
   }
-  const double hard = 1.0 / (kCompliance * least_inverse_mass);
+  const double hard = 1.0 / (kCompliance * p.least_inverse_mass);
   const Vector3 friction = load_lane(q.friction_impulse, p.lane).cast<double>();
   for (int k = 1; k < 3; ++k) {
-    p.spring[k].impulse = axis[k].dot(friction);
+    p.spring[k].impulse = axis(k).dot(friction);
     p.spring[k].stiffness = hard, p.spring[k].error = -speed[k], p.spring[k].change = 0.0;
   }
   Spring& normal = p.normal();
@@ -467,12 +483,27 @@ double HeavyIslandSolver::Springs::lacking_speed(int k, const double* changes) c
   return lacks;
 }
 
-void HeavyIslandSolver::Springs::add_force(const double (&force)[3], double* right_side) const {
+// Each speed is the difference that lacking_speed() takes, in its order.
+void HeavyIslandSolver::Springs::find_lacking_speeds(const double* changes, double (&lacks)[3]) const {
+  for (int k = 0; k < 3; ++k) lacks[k] = spring[k].error;
   for (int side = 0; side < 2; ++side) {
     if (body[side] < 0) continue;
     const BlockCholesky::Rows& j = jacobian[side];
+    const double* const change = changes + 6 * body[side];
+    for (int i = 0; i < 6; ++i)
+      for (int k = 0; k < 3; ++k) lacks[k] -= j[k][i] * change[i];
+  }
+}
+
+void HeavyIslandSolver::Springs::add_force(const double (&force)[3], double* right_side) const {
+  if (force[0] == 0.0 && force[1] == 0.0 && force[2] == 0.0) return;  // as of points that only touch
+  for (int side = 0; side < 2; ++side) {
+    if (body[side] < 0) continue;
+    const BlockCholesky::Rows& j = jacobian[side];
+    double sum[6];  // the compiler knows that it does not overlap the Jacobian
+    for (int i = 0; i < 6; ++i) sum[i] = force[0] * j[0][i] + force[1] * j[1][i] + force[2] * j[2][i];
     double* const to = right_side + 6 * body[side];
-    for (int i = 0; i < 6; ++i) to[i] += force[0] * j[0][i] + force[1] * j[1][i] + force[2] * j[2][i];
+    for (int i = 0; i < 6; ++i) to[i] += sum[i];
   }
 }
 
@@ -488,23 +519,29 @@ void HeavyIslandSolver::Springs::update(const bool (&wanted)[3], BlockCholesky& 
   if (body[0] >= 0 && body[1] >= 0) matrix.add(body[0], body[1], weight, jacobian[0], jacobian[1]);
 }
 
-void HeavyIslandSolver::set_up(const IslandContacts& of, const Island& island, const BatchPoints& points,
-                               const SolverBodies& rows, const Substep& substep,
-                               BlockCholesky& matrix) const {
-  matrix.reset(island.body_count);
-  for (Point& p : of.points) {
-    set_up(p, points, rows, is_pair(p.kind) ? substep.pair_params : substep.static_params, substep.is_soft);
-    std::fill_n(p.in_matrix, 3, false);
-    if (p.body[0] >= 0 && p.body[1] >= 0) matrix.connect(p.body[0], p.body[1]);
+void HeavyIslandSolver::prepare_island(const Island& island, const BatchPoints& points,
+                                       const SolverBodies& rows, BlockCholesky& bodies) {
+  bodies.reset(island.body_count);
+  for (Point& p : std::span(points_).subspan(island.first_point, island.point_count)) {
+    set_axes(p, points, rows);
+    if (p.body[0] >= 0 && p.body[1] >= 0) bodies.connect(p.body[0], p.body[1]);
   }
-  matrix.analyse();
+  bodies.analyse();
   for (int i = 0; i < island.body_count; ++i) {
     const std::int32_t row = rows_[island.first_body + i];
     const Eigen::Matrix3d inertia = to_matrix(rows.inverse_inertia[row]).cast<double>().inverse();
     for (int k = 0; k < 3; ++k) {
-      matrix.add_to_diagonal(i, k, k, 1.0 / static_cast<double>(rows.velocity[row].inverse_mass));
-      for (int j = 0; j <= k; ++j) matrix.add_to_diagonal(i, 3 + k, 3 + j, inertia(k, j));
+      bodies.add_to_diagonal(i, k, k, 1.0 / static_cast<double>(rows.velocity[row].inverse_mass));
+      for (int j = 0; j <= k; ++j) bodies.add_to_diagonal(i, 3 + k, 3 + j, inertia(k, j));
     }
+  }
+}
+
+void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& points, const SolverBodies& rows,
+                               const Substep& substep, BlockCholesky& matrix) {
+  for (Point& p : of.points) {
+    set_up(p, points, rows, is_pair(p.kind) ? substep.pair_params : substep.static_params, substep.is_soft);
+    std::fill_n(p.in_matrix, 3, false);
   }
   for (PatchFriction& f : of.patches) {
     set_up(f, rows);
@@ -533,7 +570,9 @@ void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix
 }
 
 bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coefficient) {
-  const double lacks = lacking_speed(0, changes);
+  double lacking[3];
+  find_lacking_speeds(changes, lacking);
+  const double lacks = lacking[0];
   const bool bore = bears;
   bears = bore ? normal().impulse + normal().stiffness * lacks > 0.0 : lacks > 0.0;
   normal().change = bore && bears ? normal().stiffness * lacks : -normal().impulse;
@@ -542,7 +581,7 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   double friction[2], work = 0.0;
   for (int k = 0; k < 2; ++k) {
     Spring& t = spring[1 + k];
-    const double lack = lacking_speed(1 + k, changes);
+    const double lack = lacking[1 + k];
     if (sticks) t.change = t.stiffness * lack;
     friction[k] = t.impulse + t.change;
     work += friction[k] * lack;
@@ -596,7 +635,8 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
 }
 
 void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& points,
-                                     const SolverBodies& rows, const Substep& substep, MemberData& data) {
+                                     const SolverBodies& rows, const Substep& substep,
+                                     const BlockCholesky& bodies, MemberData& data) {
   const IslandContacts of{std::span(points_).subspan(island.first_point, island.point_count),
                           std::span(patches_).subspan(island.first_patch, island.patch_count)};
   BlockCholesky& matrix = data.matrix;
@@ -606,7 +646,8 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     exchange_impulses(of.points, points, rows);
     for (Point& p : of.points) p.keep(points.point[p.index]);
   };
-  set_up(of, island, points, rows, substep, matrix);
+  matrix = bodies;
+  set_up(of, points, rows, substep, matrix);
   bool changed = true;
   for (int pass = 0; changed && pass < kMaxPasses; ++pass) {
     assemble(of, matrix, {b, static_cast<std::size_t>(BlockCholesky::kSize * island.body_count)});
@@ -628,8 +669,12 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
 
 void HeavyIslandSolver::solve(const BatchPoints& points, const SolverBodies& rows, const Substep& substep,
                               const Member& member) {
-  for (const Island& island : islands_)
-    if (island.member == member.index) solve_island(island, points, rows, substep, members_[member.index]);
+  for (std::size_t i = 0; i < islands_.size(); ++i) {
+    Island& island = islands_[i];
+    if (island.member != member.index) continue;
+    if (!std::exchange(island.is_prepared, true)) prepare_island(island, points, rows, matrices_[i]);
+    solve_island(island, points, rows, substep, matrices_[i], members_[member.index]);
+  }
 }
 
 }  // namespace smartsurf::world

@@ -82,6 +82,8 @@ class HeavyIslandSolver {
 
     // The speed that a spring still lacks with the velocity changes of the bodies.
     double lacking_speed(int k, const double* changes) const;
+    // Of all three.
+    void find_lacking_speeds(const double* changes, double (&lacks)[3]) const;
     void add_force(const double (&force)[3], double* right_side) const;
     // Adds the springs that are to be in the matrix and are not yet, and removes the others.
     void update(const bool (&wanted)[3], BlockCholesky& matrix);
@@ -92,6 +94,7 @@ class HeavyIslandSolver {
     std::int32_t row[2];       // −1: static
     ContactKind kind;
     bool bears, sticks, stuck_again;
+    double least_inverse_mass;
     double steady_impulse;  // normal, of the last relax stage
     // Normal, and the vector of friction: before the sweep; during solve_island(), after it.
     float impulse[4];
@@ -111,6 +114,7 @@ class HeavyIslandSolver {
                  patch_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     std::int32_t member = 0;        // that solves it
+    bool is_prepared = false;       // what stays through the step
   };
 
   std::int32_t find_root(std::int32_t row);
@@ -130,13 +134,16 @@ class HeavyIslandSolver {
     std::span<Point> points;
     std::span<PatchFriction> patches;
   };
-  void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const Substep&, MemberData&);
+  void prepare_island(const Island&, const BatchPoints&, const SolverBodies&, BlockCholesky& bodies);
+  void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const Substep&,
+                    const BlockCholesky& bodies, MemberData&);
   // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the
   // direct solution would have to take out again.
   static void exchange_impulses(std::span<Point>, const BatchPoints&, const SolverBodies&);
-  void set_up(const IslandContacts&, const Island&, const BatchPoints&, const SolverBodies&, const Substep&,
-              BlockCholesky&) const;
+  static void set_axes(Point&, const BatchPoints&, const SolverBodies&);
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
+  static void set_up(const IslandContacts&, const BatchPoints&, const SolverBodies&, const Substep&,
+                     BlockCholesky&);
   static void set_up(PatchFriction&, const SolverBodies&);
   // The equations of what bears and sticks now.
   static void assemble(const IslandContacts&, BlockCholesky&, std::span<double> right_side);
@@ -152,6 +159,7 @@ class HeavyIslandSolver {
   std::vector<std::int32_t> rows_;  // of the islands' bodies
   std::vector<Point> points_;
   std::vector<PatchFriction> patches_;
+  std::vector<BlockCholesky> matrices_;  // by island, without springs; more remain of earlier steps
 };
 
 }  // namespace smartsurf::world

@@ -103,12 +103,6 @@ ImpactSolver::Sides::Sides(const Step& step, const Manifold& m, const Contact& c
                                           c.anchor_time_s * (bodies.velocity(m.a) - bodies.velocity(m.b)));
 }
 
-Vec3 ImpactSolver::Sides::velocity() const {
-  const Vec3 v = ConstVec(velocity_a->velocity) + ConstVec(velocity_a->angular_velocity).cross(anchor_a);
-  if (velocity_b == nullptr) return v - surface_velocity;
-  return v - (ConstVec(velocity_b->velocity) + ConstVec(velocity_b->angular_velocity).cross(anchor_b));
-}
-
 Vec3 ImpactSolver::Sides::displacement_a() const {
   return ConstVec(delta_a->translation) + ConstVec(delta_a->rotation).cross(anchor_a);
 }

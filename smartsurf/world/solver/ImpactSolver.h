@@ -82,10 +82,19 @@ class ImpactSolver {
 
     Sides(const Step&, const Manifold&, const Contact&);
     // Velocity of a relative to b, or to the static surface.
-    Vec3 velocity() const;
+    Vec3 velocity() const {
+      const Vec3 v = of_point(*velocity_a, anchor_a);
+      return v - (velocity_b == nullptr ? surface_velocity : of_point(*velocity_b, anchor_b));
+    }
     Vec3 displacement_a() const;
     Vec3 displacement_b(float dt_s) const;
     float separation(const Contact&, float dt_s) const;
+
+   private:
+    static Vec3 of_point(const BodyVelocity& v, const Vec3& anchor) {
+      using ConstVec = Eigen::Map<const Vec3>;
+      return ConstVec(v.velocity) + ConstVec(v.angular_velocity).cross(anchor);
+    }
   };
   // A colliding contact of the current generation. Components are along the normal and two tangents. In the
   // list, several members write to neighbours.
@@ -172,7 +181,10 @@ class ImpactSolver {
   bool normals_are_solved(const Island&) const;
   template <class Each>
   void for_each_point(const Island&, bool is_backward, int number, std::vector<Change>&, Each each);
-  std::uint32_t versions(const Point&) const;
+  // A number that changes whenever the velocity of one of the two bodies does.
+  std::uint32_t versions(const Point& p) const {
+    return version_[p.row_a] + (p.row_b >= 0 ? version_[p.row_b] : 0);
+  }
   void apply_impulse(Point&, int axis, float impulse);
   float count_change(const Point&, float impulse_change, const Visit&);
   void solve_normal(Point&, const Visit&);

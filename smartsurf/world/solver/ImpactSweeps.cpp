@@ -144,6 +144,32 @@ void ImpactSolver::take_changes() {
 
 // ---- impulses
 
+[[gnu::always_inline]] inline void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
+  p.impulse[axis] += impulse;
+  Vec(p.velocity_a->velocity) += impulse * p.velocity_a->inverse_mass * p.axis[axis];
+  Vec(p.velocity_a->angular_velocity) += impulse * p.spin_a[axis];
+  if (p.velocity_b == nullptr) return;
+  Vec(p.velocity_b->velocity) += -impulse * p.velocity_b->inverse_mass * p.axis[axis];
+  Vec(p.velocity_b->angular_velocity) += -impulse * p.spin_b[axis];
+}
+
+// Returns the change relative to the impulse of the whole impact.
+[[gnu::always_inline]] inline float ImpactSolver::count_change(const Point& p, float impulse_change,
+                                                               const Visit& visit) {
+  const float whole = p.normal_mass * p.blow_speed,
+              change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
+  if (!(change > tolerance_)) return change;
+  ++version_[p.row_a];
+  if (p.row_b >= 0) ++version_[p.row_b];
+  for (const std::int32_t body : {p.a, p.b}) {
+    if (body < 0) continue;
+    if (is_changed_[body]) continue;
+    is_changed_[body] = 1;
+    visit.changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
+  }
+  return change;
+}
+
 // Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both,
 // and the body is to stick, not to shoot out.
 void ImpactSolver::solve_points(Island& island, std::vector<Change>& changes) {
@@ -196,36 +222,6 @@ void ImpactSolver::for_each_point(const Island& island, bool is_backward, int nu
     const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
     each(points_[i], Visit{changes, static_cast<std::uint64_t>(number) << 32U | place << 1U});
   }
-}
-
-// A number that changes whenever the velocity of one of the two bodies does.
-std::uint32_t ImpactSolver::versions(const Point& p) const {
-  return version_[p.row_a] + (p.row_b >= 0 ? version_[p.row_b] : 0);
-}
-
-void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
-  p.impulse[axis] += impulse;
-  Vec(p.velocity_a->velocity) += impulse * p.velocity_a->inverse_mass * p.axis[axis];
-  Vec(p.velocity_a->angular_velocity) += impulse * p.spin_a[axis];
-  if (p.velocity_b == nullptr) return;
-  Vec(p.velocity_b->velocity) += -impulse * p.velocity_b->inverse_mass * p.axis[axis];
-  Vec(p.velocity_b->angular_velocity) += -impulse * p.spin_b[axis];
-}
-
-// Returns the change relative to the impulse of the whole impact.
-float ImpactSolver::count_change(const Point& p, float impulse_change, const Visit& visit) {
-  const float whole = p.normal_mass * p.blow_speed,
-              change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
-  if (!(change > tolerance_)) return change;
-  ++version_[p.row_a];
-  if (p.row_b >= 0) ++version_[p.row_b];
-  for (const std::int32_t body : {p.a, p.b}) {
-    if (body < 0) continue;
-    if (is_changed_[body]) continue;
-    is_changed_[body] = 1;
-    visit.changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
-  }
-  return change;
 }
 
 void ImpactSolver::solve_normal(Point& p, const Visit& visit) {
