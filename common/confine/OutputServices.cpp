@@ -6,7 +6,6 @@
 #include "common/error/UserError.h"
 
 namespace common {
-
 namespace {
 
 enum OutputService : std::size_t { kCreate, kName, kRemove, kOutputServices };

@@ -5,6 +5,7 @@ import pathlib
 import pickle
 import subprocess
 import sys
+import tempfile
 import unittest
 import warnings
 
@@ -334,6 +335,22 @@ class Tasks(ExperimentTest):
                         if chance.random() < 0.3:
                             one = copy.deepcopy(one) if chance.random() < 0.5 else pickle.loads(pickle.dumps(one))
                 self.assertGreater(failures, 20)
+
+    def test_a_checkpoint_has_the_worlds_that_fail(self):
+        from smartsurf import training
+        with tempfile.TemporaryDirectory() as folder:
+            file, failures = pathlib.Path(folder) / "checkpoint.npz", 0
+            for seed in range(6):
+                one, other = (Failing().make_vec(8, threads=1, autoreset_mode="Disabled", seed=s) for s in (seed, 99))
+                one.reset(seed=seed)
+                for tick in range(3 * seed):
+                    failures += np.isnan(one.step(command(tick, one.action_space.shape))[1]).sum()
+                training._write_checkpoint(file, one._save_worlds())
+                other._restore_worlds(training._read_checkpoint(file))
+                for tick in range(12):
+                    left, right = (envs.step(command(tick, one.action_space.shape)) for envs in (one, other))
+                    self.assert_equal(left, right)
+            self.assertGreater(failures, 20)
 
     def test_a_copy_of_a_failed_world_has_failed(self):
         def said(env, call, *arguments, **named):
