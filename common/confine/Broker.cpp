@@ -57,6 +57,8 @@ ssize_t receive(int socket, void* bytes, std::size_t size) noexcept {
   throw std::runtime_error(std::string("the process cannot be confined: ") + std::strerror(error));
 }
 
+[[noreturn]] void throw_ended() { throw std::runtime_error("the process that names the outputs has ended"); }
+
 // Serves until the other process ends or asks to end, and returns whether it asked.
 bool serve(int socket, const std::vector<Broker::Service>& services) noexcept {
   std::uint32_t asked = 0;
@@ -135,13 +137,18 @@ Broker::~Broker() {
   }
 }
 
+void Broker::require() {
+  char byte = 0;
+  if (::recv(socket_, &byte, sizeof byte, MSG_PEEK | MSG_DONTWAIT) == 0) throw_ended();
+}
+
 int Broker::ask(std::size_t service) {
   const std::lock_guard lock(mutex_);
   const auto number = static_cast<std::uint32_t>(service);
   Reply reply;
   if (::send(socket_, &number, sizeof number, MSG_NOSIGNAL) != sizeof number ||
       receive(socket_, &reply, sizeof reply) != sizeof reply)
-    throw std::runtime_error("the process that names the outputs has ended");
+    throw_ended();
   reply.text[sizeof reply.text - 1] = '\0';
   if (reply.kind == Reply::kUserError) throw UserError(reply.text);
   if (reply.kind == Reply::kFailure) throw std::runtime_error(reply.text);

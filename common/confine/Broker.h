@@ -42,6 +42,8 @@ class Broker {
 
   // Waits for the answer; any thread may ask. Throws std::runtime_error if the broker has ended.
   int ask(std::size_t service);
+  // Throws as ask() does if the broker has ended.
+  void require();
 
  private:
   std::mutex mutex_;

@@ -9,14 +9,14 @@
 
 namespace common {
 
-// Two services for each output, which must outlive them: to name it and to remove it.
-std::vector<Broker::Service> output_services(const std::vector<PreparedOutput>&);
-// The broker's first services are those of the outputs.
+// Services for each output, which must outlive them: to create, to name and to remove it.
+std::vector<Broker::Service> output_services(std::vector<PreparedOutput>&);
+// Has the broker create the outputs, whose services are its first ones. Throws UserError.
 void use_outputs_of(Broker&, const std::vector<PreparedOutput>&);
 // Lets the process write them.
 void add_outputs(Confinement&, const std::vector<PreparedOutput>&);
 
-// Removes the parts that were created and got no name. Use it where the rights to do so are.
+// Removes the new parts that got no name. Use it where the rights to do so are.
 void remove_unnamed(const std::vector<PreparedOutput>&) noexcept;
 
 }  // namespace common

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <exception>
 #include <string>
+#include <utility>
 
 #include "common/error/UserError.h"
 #include "common/files/Inputs.h"
@@ -74,7 +75,7 @@ std::string too_long_for_part(const fs::path& name, const fs::path& part) {
 }
 
 PreparedOutput prepare_output(const std::string& subject, const fs::path& name, const fs::path& part) {
-  PreparedOutput output{.name = name, .part = part};
+  PreparedOutput output{.subject = subject, .name = name, .part = part};
   const auto refuse = [&](const std::error_code& reason) {
     throw UserError(subject + ": cannot be written: " + reason.message());
   };
@@ -88,17 +89,23 @@ PreparedOutput prepare_output(const std::string& subject, const fs::path& name, 
     output.part = real_path(name);
     if (output.part.empty()) output.part = name;
     if (fs::exists(output.part, error)) return output;
-  } else if (is_own_file(part)) {
-    return output;
   }
-  if (!output.in_place) fs::remove(part, error);
-  if (error) refuse(error);
+  output.is_new = true;
+  return output;
+}
+
+std::error_code create_part(PreparedOutput& output) noexcept {
+  if (output.subject.empty() || !std::exchange(output.is_new, false)) return {};
+  if (!output.in_place && is_own_file(output.part)) return {};
+  std::error_code error;
+  if (!output.in_place) fs::remove(output.part, error);
+  if (error) return error;
   const int file =
       ::open(output.part.c_str(), O_WRONLY | O_CLOEXEC | O_CREAT | O_EXCL, part_mode(output.name));
-  if (file < 0) refuse({errno, std::generic_category()});
+  if (file < 0) return {errno, std::generic_category()};
   ::close(file);
-  output.created = true;
-  return output;
+  output.is_new = true;
+  return {};
 }
 
 std::error_code name_part(const PreparedOutput& output) noexcept {
@@ -111,7 +118,7 @@ void remove_part(const PreparedOutput& output) noexcept {
   struct stat status {};
   if (!output.in_place)
     ::unlink(output.part.c_str());
-  else if (output.created && ::lstat(output.part.c_str(), &status) == 0 && status.st_size == 0)
+  else if (output.is_new && ::lstat(output.part.c_str(), &status) == 0 && status.st_size == 0)
     ::unlink(output.part.c_str());
 }
 

@@ -13,19 +13,22 @@
 namespace common {
 
 struct PreparedOutput {
+  std::string subject;  // of errors; empty: create_part() leaves the part to the output's writer
   std::filesystem::path name, part;
   bool in_place = false;  // a link, a pipe or a device: `part` is what the name leads to
-  bool created = false;   // here, and to be removed if it gets no name or, in place, no content
+  bool is_new = false;    // to be created, and to be removed if it gets no name or, in place, no content
 };
 
 // Why the part, whose name is the output's with an ending, cannot have it; empty if it can.
 std::string too_long_for_part(const std::filesystem::path& name, const std::filesystem::path& part);
 
-// Creates the part of an output, or takes one that a killed process of this user has left, as it is. Throws
-// UserError, which begins with `subject`.
+// Creates nothing. Throws UserError, which begins with `subject`.
 PreparedOutput prepare_output(const std::string& subject, const std::filesystem::path& name,
                               const std::filesystem::path& part);
-// For the process that keeps the rights.
+// For the process that keeps the rights, and that outlives one which is killed: it creates the parts, and
+// removes what it has created. A part that a killed process of this user has left is taken as it is, and is
+// not new.
+std::error_code create_part(PreparedOutput&) noexcept;
 std::error_code name_part(const PreparedOutput&) noexcept;
 void remove_part(const PreparedOutput&) noexcept;
 

@@ -28,8 +28,10 @@ Inertial read_inertial(const Element& e) {
   Inertial inertial;
   inertial.mass = e.required_child("mass").number("value");
   const Element i = e.required_child("inertia");
+  // An Eigen initialiser that an exception leaves asserts.
+  const double ixx = i.number("ixx"), iyy = i.number("iyy"), izz = i.number("izz");
   const double ixy = i.number("ixy", 0.0), ixz = i.number("ixz", 0.0), iyz = i.number("iyz", 0.0);
-  inertial.inertia << i.number("ixx"), ixy, ixz, ixy, i.number("iyy"), iyz, ixz, iyz, i.number("izz");
+  inertial.inertia << ixx, ixy, ixz, ixy, iyy, iyz, ixz, iyz, izz;
   if (!(inertial.mass > 0.0)) e.child("mass").refuse("value: must be greater than 0");
   return transformed(read_origin(e), inertial);
 }

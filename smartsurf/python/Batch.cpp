@@ -100,6 +100,22 @@ class Batch {
     const Exclusive use(in_use_);
     batch_->restore(check(index), std::string_view(state), arrays_);
   }
+  void fail(int index) {
+    const Exclusive use(in_use_);
+    batch_->fail(check(index));
+  }
+  // seed, started seed, whether the episode is over, and why it could not start.
+  using Status = std::tuple<std::uint64_t, std::uint64_t, bool, std::string>;
+  Status status(int index) const {
+    const Exclusive use(in_use_);
+    const EnvironmentBatch::WorldStatus& s = batch_->status(check(index));
+    return {s.seed, s.started_seed, s.episode_over, s.start_error};
+  }
+  void set_status(int index, const Status& status) {
+    const Exclusive use(in_use_);
+    const auto& [seed, started_seed, episode_over, start_error] = status;
+    batch_->set_status(check(index), {seed, started_seed, episode_over, start_error});
+  }
   void end_episodes(const std::vector<std::uint8_t>& mask) {
     const Exclusive use(in_use_);
     py::gil_scoped_release release;
@@ -277,6 +293,9 @@ void bind_batch(py::module_& m) {
       .def("reset", &Batch::reset)
       .def("save", &Batch::save)
       .def("restore", &Batch::restore)
+      .def("fail", &Batch::fail)
+      .def("status", &Batch::status)
+      .def("set_status", &Batch::set_status)
       .def("started_seed",
            [](const Batch& b, int index) {
              return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.started_seed(i); });
@@ -293,10 +312,6 @@ void bind_batch(py::module_& m) {
            [](const Batch& b, int index) {
              return b.read(index,
                            [](const EnvironmentBatch& batch, int i) { return batch.has_running_episode(i); });
-           })
-      .def("episode_over",
-           [](const Batch& b, int index) {
-             return b.read(index, [](const EnvironmentBatch& batch, int i) { return batch.episode_over(i); });
            })
       .def("final_metrics",
            [](const Batch& b, int index) {

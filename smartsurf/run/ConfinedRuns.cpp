@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The services of a run; those of the outputs come first.
+// The services of a run. Those of the outputs come first, and one that creates the scripts' folders last.
 enum RunService : std::size_t {
   kPutInPlace,
   kRemoveSegment,
@@ -90,31 +90,28 @@ struct ConfinedRuns::Prepared {
   std::vector<fs::path> script_folders, created_folders;
   common::Confinement confinement;
 
-  // Removes what was created and got no name. Called where the rights to do so are.
+  // Removes what was created and got no name. For the broker.
   void clean() noexcept {
     common::remove_unnamed(outputs);
     for (const fs::path& folder : created_folders) ::rmdir(folder.c_str());
   }
 
   void prepare(const RunOptions& options);
-  void prepare_script_folder(const fs::path& folder);
+  void create_script_folders();
 };
 
-void ConfinedRuns::Prepared::prepare_script_folder(const fs::path& folder) {
-  if (::mkdir(folder.c_str(), 0777) == 0) created_folders.push_back(folder);
-  // A link would lead the script's files elsewhere.
-  std::error_code error;
-  if (fs::is_directory(fs::symlink_status(folder, error))) script_folders.push_back(folder);
+void ConfinedRuns::Prepared::create_script_folders() {
+  for (const fs::path& folder : script_folders)
+    if (::mkdir(folder.c_str(), 0777) == 0) created_folders.push_back(folder);
 }
 
 void ConfinedRuns::Prepared::prepare(const RunOptions& options) {
   runs.push_back({options, nullptr, nullptr});
   for (const std::string& file : options.recording_files) outputs.push_back(record::prepare_recording(file));
-  if (!options.recording_files.empty()) prepare_script_folder(script_output_folder(options));
+  if (!options.recording_files.empty()) script_folders.push_back(script_output_folder(options));
   if (!options.stats_file.empty()) outputs.push_back(prepare_replaced_file({"--stats", options.stats_file}));
   for (common::PreparedOutput& output : prepare_media(options.screenshots, options.video_file))
     outputs.push_back(std::move(output));
-  runs.back().video = start_video(options.video_file, options.render);
   if (!options.no_controller) runs.back().surface_name = reserve_name(segment_name(options));
 }
 
@@ -128,8 +125,11 @@ std::unique_ptr<ConfinedRuns> ConfinedRuns::confine(std::span<RunOptions> runs,
   return std::unique_ptr<ConfinedRuns>(new ConfinedRuns(runs, others));
 }
 
+ConfinedRuns::ConfinedRuns() : prepared_(std::make_unique<Prepared>()) {}
+
+// Delegates, so that the destructor ends what has begun before an exception.
 ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others)
-    : prepared_(std::make_unique<Prepared>()) {
+    : ConfinedRuns() {
   common::Confinement& confinement = prepared_->confinement;
   confinement.calls = common::Confinement::Calls::kSimulator;
   common::add_system_files(confinement);
@@ -147,18 +147,18 @@ ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common:
   common::require_separate_outputs(named);
   {
     const common::SignalsDeferred deferred;
-    try {
-      for (const RunOptions& options : runs) prepared_->prepare(options);
-      for (const common::NamedOutput& output : others)
-        prepared_->outputs.push_back(prepare_replaced_file(output));
-      if (needs_broker()) start_broker();
-    } catch (...) {
-      prepared_->clean();
-      throw;
-    }
+    for (const RunOptions& options : runs) prepared_->prepare(options);
+    for (const common::NamedOutput& output : others)
+      prepared_->outputs.push_back(prepare_replaced_file(output));
+    if (needs_broker()) start_broker();
+    for (Prepared::OneRun& run : prepared_->runs)
+      run.video = start_video(run.options.video_file, run.options.render);
   }
   common::add_outputs(confinement, prepared_->outputs);
-  for (const fs::path& folder : prepared_->script_folders) confinement.write_folders.push_back(folder);
+  // A link would lead the script's files elsewhere.
+  for (const fs::path& folder : prepared_->script_folders)
+    if (std::error_code error; fs::is_directory(fs::symlink_status(folder, error)))
+      confinement.write_folders.push_back(folder);
   // The segment's file, and the process table, which shows whether a controller without a lock lives.
   for (const Prepared::OneRun& run : prepared_->runs) {
     if (run.surface_name) {
@@ -179,7 +179,7 @@ ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common:
 }
 
 bool ConfinedRuns::needs_broker() const {
-  return !prepared_->outputs.empty() || !prepared_->created_folders.empty() ||
+  return !prepared_->outputs.empty() ||
          std::ranges::any_of(prepared_->runs, [](const auto& run) { return run.surface_name != nullptr; });
 }
 
@@ -216,6 +216,10 @@ void ConfinedRuns::start_broker() {
     services.emplace_back([signal] { return signal(SIGKILL); });
   }
   Prepared* const prepared = prepared_.get();
+  services.emplace_back([prepared] {
+    prepared->create_script_folders();
+    return 0;
+  });
   broker_ = std::make_unique<common::Broker>(std::move(services), [prepared, controllers](bool ordered) {
     for (const Prepared::OneRun& run : prepared->runs) {
       if (!run.surface_name) continue;
@@ -231,6 +235,11 @@ void ConfinedRuns::start_broker() {
     prepared->clean();
   });
   common::use_outputs_of(*broker_, prepared->outputs);
+  broker_->ask(first_service_of(prepared->runs.size()));
+}
+
+void ConfinedRuns::require_broker() {
+  if (broker_) broker_->require();
 }
 
 ConfinedRuns::~ConfinedRuns() {
@@ -312,7 +321,8 @@ std::vector<common::PreparedOutput> prepare_media(std::span<const Screenshot> sc
   for (const Screenshot& screenshot : screenshots)
     outputs.push_back(prepare_replaced_file({"--screenshot", screenshot.file}));
   if (!video_file.empty())  // NewPart creates it
-    outputs.push_back({.name = video_file, .part = common::part_of(video_file), .created = true});
+    outputs.push_back(
+        {.subject = "", .name = video_file, .part = common::part_of(video_file), .is_new = true});
   return outputs;
 }
 

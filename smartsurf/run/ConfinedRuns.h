@@ -1,5 +1,5 @@
-// Confines the process before it reads an experiment: the files of its outputs are there already, and a
-// broker, forked before, names them, removes the surface's segment, and starts and ends the controller.
+// Confines the process before it reads an experiment: a broker, forked before, creates the files of its
+// outputs, names them, removes the surface's segment, and starts and ends the controller.
 #pragma once
 
 #include <memory>
@@ -36,9 +36,12 @@ class ConfinedRuns {
   std::shared_ptr<shm_protocol::SurfaceName> surface_name(std::size_t run) const;
   std::unique_ptr<common::VideoEncoder> take_video(std::size_t run);
   std::unique_ptr<ControllerProcess> start_controller(std::size_t run);
+  // Throws std::runtime_error if the broker has ended, without which the runs leave nothing.
+  void require_broker();
 
  private:
   struct Prepared;
+  ConfinedRuns();
   ConfinedRuns(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others);
   bool needs_broker() const;
   void start_broker();

@@ -268,6 +268,7 @@ bool Run::receive_targets() {
         break;  // interrupted: the stop flag is checked below
     }
     refresh_display();
+    require_broker();
     if (stop_requested_) set_ending(common::kDone, "stopped by the user");
     if (requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;
@@ -364,6 +365,7 @@ bool Run::wait_for_controller() {
       return true;
     }
     refresh_display();
+    require_broker();
     if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (controller_process_ && controller_process_->exit_status())
       handle_controller_exit(Status::kNoController);
@@ -434,10 +436,19 @@ void Run::apply_script_requests() {
   set_ending(common::kDone, simulation::outcome_of(requests), requests.stop_message, requests.success);
 }
 
+// The loss of a controller, which the broker takes along, ends a run by itself.
+void Run::require_broker() {
+  constexpr auto kInterval = 100ms;
+  if (!options_.confined || controller_process_ || Clock::now() < next_broker_check_) return;
+  next_broker_check_ = Clock::now() + kInterval;
+  options_.confined->require_broker();
+}
+
 bool Run::wait_until_due() {
   const auto due = pacer_.due_time(simulation_.snapshot().time_s);
   while (true) {
     refresh_display();
+    require_broker();
     if (!display_->has_window()) progress_.update(simulation_.snapshot().time_s, end_time_s());
     if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;

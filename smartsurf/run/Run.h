@@ -102,6 +102,7 @@ class Run {
   std::vector<std::string> written_files() const;
   void print_summary();
   void handle_display_loss();
+  void require_broker();
   bool wait_until_due();  // draws and sleeps until the next tick is due; false: the run is over
   void refresh_display();
   view::FrameInput frame_input();
@@ -139,6 +140,7 @@ class Run {
   std::string notice_;
   std::chrono::steady_clock::time_point silent_since_{};  // when the controller should have answered
   std::string silence_;                                   // what was reported about it, or ""
+  std::chrono::steady_clock::time_point next_broker_check_{};
   bool quit_by_script_ = false;
   std::optional<Restart> restart_;
   std::string recording_to_open_;

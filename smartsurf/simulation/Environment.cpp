@@ -409,8 +409,7 @@ const Simulation& Environment::simulation() const {
 }
 
 Simulation& Environment::running() {
-  if (failed_) throw scene::InputError(scene().file + ": the episode has failed: reset it");
-  if (!simulation_) throw scene::InputError(scene().file + ": the episode could not start: reset it");
+  if (!has_running_episode()) throw scene::InputError(scene().file + ": the episode has failed: reset it");
   return *simulation_;
 }
 
@@ -443,11 +442,10 @@ Verdict Environment::verdict() const {
 bool Environment::has_succeeded() const { return reached_s_ || (ending_ && verdict().success == true); }
 
 // Asks success() about the latest state.
-bool Environment::ask_for_success() {
+void Environment::ask_for_success() {
   const scene::Snapshot& state = simulation_->partial_snapshot();
   const std::optional<double> reached_s = experiment_->success(state.time_s, state.tick);
   if (!reached_s_) reached_s_ = reached_s;
-  return reached_s.has_value();
 }
 
 void Environment::end(std::string outcome, std::optional<bool> stop_success) {
@@ -498,10 +496,11 @@ StepResult Environment::step(std::span<const std::byte> prefetched) {
   const bool has_advanced = end_on_error([&] {
     const bool advanced = advance(prefetched);
     result.reward = experiment_->reward(s.partial_snapshot().time_s, s.partial_snapshot().tick);
-    result.terminated = ask_for_success();
+    ask_for_success();
     return advanced;
   });
   const ScriptRequests requests = s.take_requests();
+  result.terminated = reached_s_.has_value();
   result.truncated = !has_advanced || (end_tick_ && s.partial_snapshot().tick >= *end_tick_);
   // As in Run, which goes on after success().
   if (result.truncated) end(has_advanced ? "done" : "the controller exited");

@@ -40,7 +40,7 @@ struct EnvironmentOptions {
 // The result of one step.
 struct StepResult {
   double reward = 0.0;
-  bool terminated = false;  // success(), stop() or quit() of the script
+  bool terminated = false;  // success(), now or before, stop() or quit() of the script
   bool truncated = false;   // episode.seconds or max_ticks are over
   bool success = false;     // Environment::has_succeeded()
 };
@@ -170,7 +170,7 @@ class Environment {
   const scene::SceneSpec& declared() const { return declared_ ? *declared_ : scene(); }
   Simulation& running();
   bool advance(std::span<const std::byte> prefetched);
-  bool ask_for_success();
+  void ask_for_success();
   void end(std::string outcome, std::optional<bool> stop_success = std::nullopt);
   void end_failed(std::string outcome);
   template <class Work>

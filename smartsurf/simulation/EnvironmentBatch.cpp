@@ -243,7 +243,13 @@ void EnvironmentBatch::write_targets(std::size_t i, const StateArrays& a) const 
 
 void EnvironmentBatch::observe_objects(const StateArrays& a) const {
   for (std::size_t i = 0; i < worlds_.size(); ++i)
-    if (worlds_[i].environment->has_running_episode()) write_objects(i, a);
+    worlds_[i].environment->has_running_episode() ? write_objects(i, a) : write_no_objects(i, a);
+}
+
+void EnvironmentBatch::write_no_objects(std::size_t i, const StateArrays& a) const {
+  const std::size_t size = object_count_ * kObjectStateSize;
+  if (!a.objects.empty())
+    std::ranges::fill(a.objects.subspan(i * size, size), std::numeric_limits<float>::quiet_NaN());
 }
 
 void EnvironmentBatch::copy_observation(std::size_t i, const StateArrays& from, const StateArrays& to) const {
@@ -289,6 +295,15 @@ void EnvironmentBatch::restore(int index, std::string_view state, const BatchArr
   worlds_[i].error.clear();
   worlds_[i].start_error.clear();
   write_state(i, 0, a.state);
+}
+
+void EnvironmentBatch::fail(int index) {
+  end_observed(index);
+  worlds_[index].environment->fail();
+}
+
+void EnvironmentBatch::set_status(int index, WorldStatus status) {
+  static_cast<WorldStatus&>(worlds_[index]) = std::move(status);
 }
 
 void EnvironmentBatch::step(const BatchArrays& a) {
@@ -380,9 +395,7 @@ void EnvironmentBatch::write_failed_state(std::size_t i, const StateArrays& a) c
   if (!a.seeds.empty()) a.seeds[i] = worlds_[i].seed;
   if (!a.success.empty()) a.success[i] = 0;
   if (!a.nonfinite_actions.empty()) a.nonfinite_actions[i] = 0;
-  const std::size_t size = object_count_ * kObjectStateSize;
-  if (!a.objects.empty())
-    std::ranges::fill(a.objects.subspan(i * size, size), std::numeric_limits<float>::quiet_NaN());
+  write_no_objects(i, a);
 }
 
 void EnvironmentBatch::end_failed_episode(std::size_t i, const BatchArrays& a) {

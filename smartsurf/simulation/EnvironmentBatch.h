@@ -94,7 +94,7 @@ class EnvironmentBatch {
   // Ends the episodes of the worlds whose mask is not 0, by a goal or a limit of the caller: after a step()
   // from whose end they still run. Then does with them what step() does at the end of an episode.
   void end_episodes(std::span<const std::uint8_t> mask, const BatchArrays&);
-  // Updates the objects' states after changes between two steps.
+  // Updates the objects' states after changes between two steps: NaN in worlds that have failed.
   void observe_objects(const StateArrays&) const;
   // Why the world failed in the latest step() or reset(); "" if it did not.
   const std::string& error(int index) const { return worlds_[index].error; }
@@ -103,9 +103,6 @@ class EnvironmentBatch {
   // As Environment's: true also for a world that has failed and was reset in the same step.
   bool has_running_episode(int index) const { return worlds_[index].environment->has_running_episode(); }
 
-  // True if the next step() resets the world, unless with kDisabled.
-  bool episode_over(int index) const { return worlds_[index].episode_over; }
-
   // The seed of the latest episode that the world started itself. The next episode's seed follows from it, so
   // that worlds to which one state was restored draw different ones.
   std::uint64_t started_seed(int index) const { return worlds_[index].started_seed; }
@@ -113,6 +110,18 @@ class EnvironmentBatch {
   // Call those of the world's Environment. restore() also writes the world's state.
   std::string save(int index) { return worlds_[index].environment->save(); }
   void restore(int index, std::string_view state, const BatchArrays&);
+  void fail(int index);
+
+  // All of a world that save() does not have. A world to which state and status of another one were restored,
+  // or that was failed and has its status, goes on as that one.
+  struct WorldStatus {
+    std::uint64_t seed = 0;          // of the episode, also of one that could not start
+    std::uint64_t started_seed = 0;  // of the latest one that was not restored
+    bool episode_over = false;       // the next step() resets the world, unless with kDisabled
+    std::string start_error;         // of an episode that could not start, which its first step reports
+  };
+  const WorldStatus& status(int index) const { return worlds_[index]; }
+  void set_status(int index, WorldStatus);
 
   // Null removes the observer, which must outlive its use.
   void observe_episodes(EpisodeObserver* observer) { observer_ = observer; }
@@ -126,17 +135,13 @@ class EnvironmentBatch {
   }
 
  private:
-  struct World {
+  struct World : WorldStatus {
     std::unique_ptr<Environment> environment;
     std::vector<std::pair<std::string, double>> final_metrics;
     // Address of the episode's simulation, for the prefetch. The thread of the world before may read it while
     // a reset moves it.
     std::atomic<const std::byte*> simulation = nullptr;
-    std::uint64_t seed = 0;          // of the episode, also of one that could not start
-    std::uint64_t started_seed = 0;  // of the latest one that was not restored
-    bool episode_over = false;
     std::string error;
-    std::string start_error;  // of an episode that could not start, which its first step reports
     void locate_simulation() {
       simulation.store(reinterpret_cast<const std::byte*>(&environment->simulation()),
                        std::memory_order_relaxed);
@@ -152,6 +157,7 @@ class EnvironmentBatch {
   template <class Work>
   void run_worlds(const Work&);
   void write_objects(std::size_t, const StateArrays&) const;
+  void write_no_objects(std::size_t, const StateArrays&) const;
   void write_targets(std::size_t, const StateArrays&) const;
   void copy_observation(std::size_t, const StateArrays& from, const StateArrays& to) const;
   void copy_state(std::size_t, const StateArrays& from, const StateArrays& to) const;

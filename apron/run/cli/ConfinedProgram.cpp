@@ -43,18 +43,13 @@ ConfinedProgram::ConfinedProgram(const Options& options, const std::vector<commo
   if (common::is_confined()) return;  // by the session before, after --reconnect
   if (!outputs.empty()) {
     const common::SignalsDeferred deferred;
-    try {
-      for (const common::NamedOutput& output : outputs)
-        outputs_.push_back(common::prepare_output(output.flag + " " + output.file.string(), output.file,
-                                                  common::part_of(output.file)));
-      broker_ = std::make_unique<common::Broker>(common::output_services(outputs_),
-                                                 [this](bool) { common::remove_unnamed(outputs_); });
-    } catch (...) {
-      common::remove_unnamed(outputs_);
-      throw;
-    }
+    for (const common::NamedOutput& output : outputs)
+      outputs_.push_back(common::prepare_output(output.flag + " " + output.file.string(), output.file,
+                                                common::part_of(output.file)));
+    broker_ = std::make_unique<common::Broker>(common::output_services(outputs_),
+                                               [this](bool) { common::remove_unnamed(outputs_); });
+    common::use_outputs_of(*broker_, outputs_);
   }
-  if (broker_) common::use_outputs_of(*broker_, outputs_);
   common::Confinement confinement = confinement_of(options);
   common::add_outputs(confinement, outputs_);
   common::confine(confinement);

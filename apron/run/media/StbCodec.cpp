@@ -57,6 +57,14 @@ const std::string& standard_huffman_tables() {
   return tables;
 }
 
+// stb gives no reason for some failures, and then keeps that of an earlier one.
+void forget_failures() { stbi__g_failure_reason = nullptr; }
+
+std::string failure_reason() {
+  const char* const reason = stbi_failure_reason();
+  return reason == nullptr ? "" : std::string(": ") + reason;
+}
+
 std::string require_encoded(const std::string& path, int written, std::string bytes) {
   if (written == 0) throw MediaError(vm::HostStatus::kFailed, "cannot encode '" + path + "'");
   return bytes;
@@ -68,14 +76,15 @@ DecodedImage decode_stb(const std::string& path, std::string_view bytes, const v
   const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
   const int size = static_cast<int>(std::min<std::size_t>(bytes.size(), 1U << 30));
   int width = 0, height = 0, channels = 0;
+  forget_failures();
   if (stbi_info_from_memory(data, size, &width, &height, &channels) == 0)
-    throw_refused(path, std::string("is not a JPEG or BMP picture: ") + stbi_failure_reason());
+    throw_refused(path, "is not a JPEG or BMP picture" + failure_reason());
   const auto columns = static_cast<std::uint32_t>(width), rows = static_cast<std::uint32_t>(height);
   require_size(path, columns, rows, shape);
+  forget_failures();
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_memory(data, size, &width, &height, &channels, 1), stbi_image_free);
-  if (!pixels)
-    throw_refused(path, std::string("is not a complete JPEG or BMP picture: ") + stbi_failure_reason());
+  if (!pixels) throw_refused(path, "is not a complete JPEG or BMP picture" + failure_reason());
   return {columns, rows, {pixels.get(), pixels.get() + std::size_t{columns} * rows}};
 }
 

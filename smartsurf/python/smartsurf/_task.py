@@ -123,7 +123,8 @@ class Task:
         return 0.0
 
     def success(self, state: State) -> Array:
-        """Whether the goal is reached, (worlds,); this ends the episode. NumPy's booleans."""
+        """Whether the goal is reached, (worlds,), in the start or after a step; this ends the episode, after one step at the
+        earliest. NumPy's booleans."""
         return False
 
     def failure(self, state: State) -> Array:
@@ -236,6 +237,10 @@ class _Judge:
         """What reward, success and failure return."""
         return {name: self.numbers(name, getattr(self.task, name)(state)) for name in ("reward", "success", "failure")}
 
+    def starts_with_success(self, state: State) -> Flags:
+        """What success returns after a reset."""
+        return _holds(self.numbers("success", self.task.success(state)))
+
     def not_finite(self, values: Mapping[str, Numbers], runs: Flags) -> dict[int, str]:
         """The errors of worlds in which one of them is not finite."""
         return {int(i): f"{type(self.task).__name__}.{name} is {of_worlds[i]} in world {i}: must be finite"
@@ -272,6 +277,12 @@ class _Judge:
         if isinstance(observation, dict):
             return gymnasium.spaces.Dict({name: _space(values) for name, values in observation.items()})
         return of_planes if type(self.task).observation is Task.observation else _space(observation)
+
+
+def _holds(values: Numbers) -> Flags:
+    """Not for NaN, which the first step reports."""
+    holds: Flags = (values != 0) & np.isfinite(values)
+    return holds
 
 
 def _of_channels(of: Sequence[Channel], field: str) -> FloatArray:
@@ -321,8 +332,8 @@ class TaskVectorEnv(VectorEnv):
         self._arguments = {**self._arguments, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self._arguments["task"] = task
         self._time = np.zeros(num_envs)
-        self._over, self._failed = np.zeros((2, num_envs), np.bool_)
-        self._last: dict[str, FloatArray] = {}  # of a task's own observation
+        self._over, self._failed, self._reached = np.zeros((3, num_envs), np.bool_)
+        self._last: dict[str, FloatArray] | None = None  # of a task's own observation
         self._object_states = np.zeros((num_envs, self._batch.object_count, 13), np.float32)
         self._actions = np.zeros((num_envs, len(self.actuator_channels), self.rows, self.columns), np.float32)
         self._bind(self._object_states, self._time, self._actions)
@@ -333,8 +344,9 @@ class TaskVectorEnv(VectorEnv):
         for name, values in task.parameters.items():
             self.set_parameter(name, values)
         VectorEnv.randomise(self, task.randomise)
-        self._restart(self._seeds(arguments.get("seed"), self._batch.started_seed), np.ones(num_envs, np.bool_))
-        observation = self._observe(self.state())
+        every = np.ones(num_envs, np.bool_)
+        self._start_worlds(self._seeds(arguments.get("seed"), self._batch.started_seed), every)
+        observation = self._observe_start(every)
         self.single_observation_space = self._judge.space(observation, self.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
@@ -342,21 +354,36 @@ class TaskVectorEnv(VectorEnv):
         """The task's observation; of the worlds that have failed, whose objects and info{} are NaN, the last one."""
         seen = self._judge.observation(state)
         if not self._observes_planes:  # which are the last ones anyway
-            if self._failed.any():
-                for name, values in (seen if isinstance(seen, dict) else {"": seen}).items():
-                    values[self._failed] = self._last[name][self._failed] if self._last else 0  # that never started
-            self._last = {name: values.copy() for name, values in (seen if isinstance(seen, dict) else {"": seen}).items()}
+            parts = seen if isinstance(seen, dict) else {"": seen}
+            if self._last is None:
+                self._last = {name: np.zeros_like(values) for name, values in parts.items()}
+            for name, values in parts.items():
+                values[self._failed] = self._last[name][self._failed]
+                self._last[name][...] = values
         return seen
 
-    def _restart(self, seeds: list[int], mask: Flags) -> None:
-        failed = self._batch.reset(seeds, mask.astype(np.uint8).tolist())
+    def _start_worlds(self, seeds: list[int], mask: Flags) -> None:
+        super()._start_worlds(seeds, mask)
         self._begin(mask)
-        self._failed[failed] = True
+        for values in (self._last or {}).values():
+            values[self._failed & mask] = 0
 
     def _begin(self, mask: Flags) -> None:
         """After the reset of some worlds."""
         self._judge.draw_goals(self._fields["seed"], mask)
-        self._over[mask] = self._failed[mask] = False
+        self._over[mask] = self._reached[mask] = False
+        self._failed[mask] = [self._batch.start_error(int(i)) != "" for i in np.flatnonzero(mask)]
+
+    def _observe_start(self, mask: Flags) -> Any:
+        """The observation, after the reset of some worlds."""
+        state = self.state()
+        self._note_success(self._judge.starts_with_success(state), mask & ~self._failed)
+        return self._observe(state)
+
+    def _note_success(self, success: Flags, mask: Flags) -> None:
+        """That of a reset ends the episode in its first step."""
+        self._reached |= success & mask
+        self._fields["success"][...] |= self._reached & mask
 
     def state(self) -> State:
         """The state of all worlds."""
@@ -382,8 +409,8 @@ class TaskVectorEnv(VectorEnv):
             gymnasium.vector.VectorEnv.reset(self, seed=seed if seed is None else int(seed))
         mask = self._reset_mask(options)
         self._start_recording()
-        self._restart(self._seeds(seed, self._next_seed), mask)
-        observation, infos = self._observe(self.state()), _of_worlds(self._task_infos(), mask)
+        self._start_worlds(self._seeds(seed, self._next_seed), mask)
+        observation, infos = self._observe_start(mask), _of_worlds(self._task_infos(), mask)
         self._add_start_errors(infos, mask)
         return observation, infos
 
@@ -405,12 +432,11 @@ class TaskVectorEnv(VectorEnv):
             raise _core.Error(errors[min(errors)])
         runs &= ~unjudged
         rewards = np.where(runs, self._rewards + own["reward"], np.where(unjudged, np.nan, self._rewards))
-        success = (own["success"] != 0) & runs
-        terminated = self._terminated | success | ((own["failure"] != 0) & runs)
+        self._note_success(_holds(own["success"]), ~failed & ~unjudged)
+        terminated = self._terminated | ((self._reached | (own["failure"] != 0)) & runs)
         truncated = self._truncated | unjudged
         if self._limit is not None:
             truncated |= runs & (np.rint(self._time / self.period) >= self._limit)
-        self._fields["success"][...] |= success
         over = terminated | truncated
         ends = over & ~script_over
         if ends.any():
@@ -425,8 +451,9 @@ class TaskVectorEnv(VectorEnv):
         self._over = over.copy()
         if self._resets_itself and over.any():
             last = observation
-            self._restart(self._seeds(None, self._next_seed), over)
-            observation, infos = self._observe(self.state()), self._task_infos()
+            self._batch.reset(self._seeds(None, self._next_seed), over.astype(np.uint8).tolist())
+            self._begin(over)
+            observation, infos = self._observe_start(over), self._task_infos()
             infos.update({"_" + name: np.ones(self.num_envs, np.bool_) for name in list(infos)})
             self._add_start_errors(infos, over)
             final_obs = np.full(self.num_envs, None, object)
@@ -449,34 +476,15 @@ class TaskVectorEnv(VectorEnv):
         super().restore(world, state)
         mask = np.arange(self.num_envs) == world
         self._begin(mask)
-        observation = self._observe(self.state())
-        return _of_world(observation, world)
+        return _of_world(self._observe_start(mask), world)
 
-    def _save_worlds(self) -> Info:
-        return {**super()._save_worlds(), "actions": self._actions.copy()}
-
-    def _restore_worlds(self, state: Info) -> None:
-        super()._restore_worlds(state)
-        self._actions[...] = state["actions"]
-        self._observe(self.state())  # what a world that fails in the next step leaves
+    def _arrays(self) -> list[NDArray[Any]]:
+        return [*super()._arrays(), self._time, self._actions, self._over, self._failed, self._reached,
+                *self._judge.goals.values(), *(self._last or {}).values()]
 
     def __reduce__(self) -> tuple[Any, ...]:
         function, (cls, arguments, *rest) = super().__reduce__()
-        arguments = {k: v for k, v in arguments.items() if k not in ("experiment", "source")}
-        goals = {name: values.copy() for name, values in self._judge.goals.items()}
-        return _unpickled_task, (function, cls, arguments, rest, goals, self._actions.copy(), self._over.copy(),
-                                 self._time.copy())
-
-
-def _unpickled_task(function: Any, cls: Any, arguments: Info, rest: Any, goals: dict[str, Numbers], actions: FloatArray,
-                    over: Flags, time: Numbers) -> TaskVectorEnv:
-    envs: TaskVectorEnv = function(cls, arguments, *rest)
-    envs._judge.goals.update(goals)
-    envs._actions[...], envs._over, envs._time[...] = actions, over, time
-    envs._observe(envs.state())
-    if not envs._resets_itself:
-        envs._batch.end_episodes(over.astype(np.uint8).tolist())
-    return envs
+        return function, (cls, {k: v for k, v in arguments.items() if k not in ("experiment", "source")}, *rest)
 
 
 class TaskEnv(gymnasium.Env[Any, ArrayLike]):
@@ -504,7 +512,7 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
             raise ValueError(f"{', '.join(given)}: a live surface has no such argument")
         self._live, self._judge = LiveSurface(shm, timeout), _Judge(task, 1)
         self._limit = None if task.episode_seconds is None else int(np.ceil(task.episode_seconds / self._live.period - 1e-9))
-        self._start = self._live.tick
+        self._start, self._reached = self._live.tick, False
         self._judge.draw_goals(np.zeros(1, np.int64), np.ones(1, np.bool_))
         self.observation_space = self._judge.space(self._judge.observation(self._live_state()), box(
             self._live.sensor_channels, self._live.rows, self._live.columns))
@@ -527,10 +535,12 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
         self._live.reset(seed)
         self._start = self._live.tick
         self._judge.draw_goals(self.np_random.integers(2**31, size=1), np.ones(1, np.bool_))
-        return _first(self._judge.observation(self._live_state())), self._live_info()
+        state = self._live_state()
+        self._reached = bool(self._judge.starts_with_success(state)[0])
+        return _first(self._judge.observation(state)), self._live_info()
 
     def _live_info(self) -> Info:
-        return {**self._live.info, **{name: values[0] for name, values in self._judge.goals.items()}}
+        return {**self._live.info, **{name: values[0] for name, values in self._judge.goals.items()}, "success": self._reached}
 
     def step(self, action: ArrayLike | None = None) -> tuple[Any, float, bool, bool, Info]:
         """action: None if a controller commands the actuators."""
@@ -547,12 +557,13 @@ class TaskEnv(gymnasium.Env[Any, ArrayLike]):
         judged = self._judge.judge(state)
         if errors := self._judge.not_finite(judged, np.ones(1, np.bool_)):
             raise _core.Error(errors[0])
-        reward, success, failure = float(judged["reward"][0]), bool(judged["success"][0]), bool(judged["failure"][0])
+        reward, failure = float(judged["reward"][0]), bool(judged["failure"][0])
+        self._reached |= bool(judged["success"][0])
         truncated = self._limit is not None and self._live.tick - self._start >= self._limit
-        info = {**self._live_info(), "success": success}
-        if success or failure or truncated or closed:
+        info = self._live_info()
+        if self._reached or failure or truncated or closed:
             info["metrics"] = {name: float(values[0]) for name, values in self._judge.metrics(state).items()}
-        return _first(self._judge.observation(state)), reward, success or failure or closed, truncated, info
+        return _first(self._judge.observation(state)), reward, self._reached or failure or closed, truncated, info
 
     @property
     def worlds(self) -> TaskVectorEnv:

@@ -76,7 +76,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     A world that fails, by an error of the script or a state that is not finite, ends its episode: it is truncated, its
     reward and the values of info{} are NaN, its observation is the last one, and `error` in place of `metrics` says why.
     The other worlds go on, and the next reset brings it back. One that cannot start has its `error` in the info of reset(), with
-    SAME_STEP of the step that resets it, and fails in its first step. If all worlds fail, or one with strict=True, step() and reset() raise Error.
+    SAME_STEP of the step that resets it, and fails in its first step, after zeros from reset(). If all worlds fail, or one with strict=True, step() and reset() raise Error.
     controller: an APRON program that commands the actuators of every world, in this process; step() then takes no
     actions. It restarts with each episode, and each world computes what `smartsurf run --controller` computes with its
     seed. An episode whose program ends is truncated. Such worlds are neither saved nor restored. controller_set: values of
@@ -109,10 +109,11 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             raise ValueError(f"render_mode = {render_mode!r}: must be None or 'rgb_array'")
         autoreset_mode = AutoresetMode(autoreset_mode)
         self.num_envs = num_envs
+        seeds = self._seeds(seed, lambda world: draw_seed(self.np_random))
         of_worlds = _options_of_worlds(set, num_envs, lambda options: _whole_options(experiment, options, source))
         self._arguments: dict[str, Any] = dict(
-            experiment=os.fspath(experiment), num_envs=num_envs, threads=threads, set=of_worlds, engine=engine, copy=copy,
-            autoreset_mode=autoreset_mode, render_mode=render_mode, render_size=render_size, camera=camera,
+            experiment=os.fspath(experiment), num_envs=num_envs, threads=threads, set=of_worlds, engine=engine, seed=seeds,
+            copy=copy, autoreset_mode=autoreset_mode, render_mode=render_mode, render_size=render_size, camera=camera,
             extensions=[os.fspath(path) for path in extensions], max_episode_steps=max_episode_steps, strict=strict,
             source=source, controller=controller, controller_set=controller_set)
         self._records, self._process = record is not None, os.getpid()
@@ -122,8 +123,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._recording = (folder_of_episodes(record, "world-[0-9]*-episode-[0-9]*.h5"), shlex.join(sys.argv), worlds, interval,
                                [overrides(options) for options in of_worlds])
         self._batch = _core.Batch(path_text(experiment), engine_name(engine), [],
-                                  self._seeds(seed, lambda world: draw_seed(self.np_random)), threads,
-                                  _AUTORESET[autoreset_mode], max_episode_steps,
+                                  seeds, threads, _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
         self._description = d = self._batch.describe()
         self.rows: int = d["rows"]
@@ -206,10 +206,15 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             super().reset(seed=seed if seed is None else int(seed))
         mask = self._reset_mask(options)
         self._start_recording()
-        self._batch.reset(self._seeds(seed, self._next_seed), mask.astype(np.uint8).tolist())
+        self._start_worlds(self._seeds(seed, self._next_seed), mask)
         infos = self._infos() if mask.all() else _of_worlds(self._fields, mask)
         self._add_start_errors(infos, mask)
         return self._observed(), infos
+
+    def _start_worlds(self, seeds: list[int], mask: Flags) -> None:
+        """Those that cannot start have zeros as their observation, whatever was before."""
+        failed = self._batch.reset(seeds, mask.astype(np.uint8).tolist())
+        self._observations[failed] = 0
 
     def _add_start_errors(self, infos: Info, mask: Flags) -> None:
         """Adds why worlds of the mask, which were reset, have not started."""
@@ -287,15 +292,26 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         observation: FloatArray = self._observations[world]
         return observation.copy() if self._copy else observation
 
+    def _arrays(self) -> list[NDArray[Any]]:
+        """Those that describe the worlds after the latest step."""
+        objects = [] if self._object_states is None else [self._object_states]
+        return [*self._state_arrays, self._rewards, self._terminated, self._truncated, *objects]
+
     def _save_worlds(self) -> Info:
-        """All worlds, for _restore_worlds(); raises Error if one cannot be saved."""
-        return {"worlds": [np.frombuffer(self.save(i), np.uint8) for i in range(self.num_envs)],
-                "started": [self._batch.started_seed(i) for i in range(self.num_envs)]}
+        """All worlds, those that have failed too, for _restore_worlds(); raises Error if one cannot be saved."""
+        batch, worlds = self._batch, range(self.num_envs)
+        return {"worlds": [np.frombuffer(batch.save(i) if batch.has_running_episode(i) else b"", np.uint8) for i in worlds],
+                "status": [batch.status(i) for i in worlds], "arrays": [array.copy() for array in self._arrays()]}
 
     def _restore_worlds(self, state: Info) -> None:
-        self.reset(seed=state["started"])
-        for i, world in enumerate(state["worlds"]):
-            self.restore(i, world.tobytes())
+        for i, (world, status) in enumerate(zip(state["worlds"], state["status"])):
+            if world.size:
+                self._batch.restore(i, world.tobytes())
+            else:
+                self._batch.fail(i)
+            self._batch.set_status(i, status)
+        for to, saved in zip(self._arrays(), state["arrays"]):
+            to[...] = saved
 
     def state_hash(self, world: int) -> int:
         """The state hash of one world, as Simulation.state_hash."""
@@ -398,36 +414,21 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._batch = Closed()  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        over = [self._batch.episode_over(i) for i in range(self.num_envs)]
-        states = [self._batch.save(i) if self._batch.has_running_episode(i) else b"" for i in range(self.num_envs)]
-        arrays = [array.copy() for array in (*self._state_arrays, self._rewards, self._terminated, self._truncated)]
-        started = [self._batch.started_seed(i) for i in range(self.num_envs)]
         settings = [self._batch.parameter_settings(i) for i in range(self.num_envs)]
         if self._records:
             warnings.warn("a copy of this environment does not record: its folder has the episodes of this one", stacklevel=2)
-        return _unpickled, (type(self), self._arguments, settings, started, states, arrays, over,
-                            getattr(self, "_np_random", None), self._object_states is not None)
+        return _unpickled, (type(self), self._arguments, settings, self._save_worlds(), getattr(self, "_np_random", None),
+                            self._object_states is not None)
 
 
-def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], settings: list[Any], started: list[int], states: list[bytes],
-               arrays: list[Any], over: list[bool], random: Any, has_objects: bool) -> VectorEnv:
-    envs = cls(seed=started, **arguments)
+def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], settings: list[Any], worlds: Info, random: Any,
+               has_objects: bool) -> VectorEnv:
+    envs = cls(**arguments)  # with seeds of which one, as then, can start
     for i, of_world in enumerate(settings):
         envs._batch.set_parameter_settings(i, of_world)
-    for i, state in enumerate(states):
-        if state:
-            envs._batch.restore(i, state)
-    # Those that could not start cannot here either, with the same values of parameters.
-    unstarted = [not state and (envs._same_step or not over[i]) for i, state in enumerate(states)]
-    again = [int(unstarted[i] and envs._batch.has_running_episode(i)) for i in range(envs.num_envs)]
-    if any(again):
-        envs._batch.reset(started, again)
-    # Those that the next step resets; with SAME_STEP only those that could not start in the same one.
-    envs._batch.end_episodes([int(one and (unstarted[i] or not envs._same_step)) for i, one in enumerate(over)])
     if has_objects:
         envs.objects
-    for to, saved in zip((*envs._state_arrays, envs._rewards, envs._terminated, envs._truncated), arrays):
-        to[...] = saved
+    envs._restore_worlds(worlds)
     envs._np_random = random
     return envs
 

@@ -2,6 +2,7 @@
 
 #include <cairo-pdf.h>
 #include <cairo-svg.h>
+#include <fcntl.h>
 #include <fontconfig/fontconfig.h>
 #include <unistd.h>
 
@@ -121,9 +122,32 @@ void add_installed_fonts(FcConfig* configuration) {
       FcConfigAppFontAddFile(configuration, reinterpret_cast<const FcChar8*>(file.c_str()));
 }
 
+// Leads standard error to nowhere while it lives: fontconfig prints that it can keep no cache of fonts, which
+// it does without.
+class StandardErrorSilenced {
+ public:
+  StandardErrorSilenced() : kept_(::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0)) {
+    const int nowhere = kept_ < 0 ? -1 : ::open("/dev/null", O_WRONLY | O_CLOEXEC);
+    if (nowhere < 0) return;
+    ::dup2(nowhere, STDERR_FILENO);
+    ::close(nowhere);
+  }
+  ~StandardErrorSilenced() {
+    if (kept_ < 0) return;
+    ::dup2(kept_, STDERR_FILENO);
+    ::close(kept_);
+  }
+  StandardErrorSilenced(const StandardErrorSilenced&) = delete;
+  StandardErrorSilenced& operator=(const StandardErrorSilenced&) = delete;
+
+ private:
+  int kept_;
+};
+
 // Cairo and FcInit() have fontconfig try for ever to load its configuration where there is no memory.
 void load_fonts() {
   static const bool once = [] {
+    const StandardErrorSilenced silenced;
     // Without a configuration it would print an error and find no font.
     FcConfig* configuration = FcConfigCreate();  // without one, the question below loads what it asks for
     if (configuration == nullptr) throw std::bad_alloc();

@@ -59,8 +59,7 @@ class PassingOn {
   std::array<struct sigaction, kSignals.size()> before_{};
 };
 
-int run_worker(const ReadJob& job, const std::vector<common::PreparedOutput>& outputs, pid_t parent,
-               double time_s) {
+int run_worker(const ReadJob& job, std::vector<common::PreparedOutput> outputs, pid_t parent, double time_s) {
   std::optional<common::Broker> broker;
   if (!outputs.empty()) {
     broker.emplace(common::output_services(outputs), [&](bool) { common::remove_unnamed(outputs); });

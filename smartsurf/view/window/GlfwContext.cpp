@@ -120,7 +120,8 @@ ImGuiBackend::~ImGuiBackend() {
 }
 
 bool is_software_renderer() {
-  const std::string_view driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+  const auto* const name = reinterpret_cast<const char*>(glGetString(GL_RENDERER));  // null after an error
+  const std::string_view driver = name == nullptr ? "" : name;
   return driver.find("llvmpipe") != driver.npos || driver.find("softpipe") != driver.npos ||
          driver.find("SWR") != driver.npos;
 }

@@ -20,6 +20,24 @@ endsolid a
 """
 
 
+# Killed as it forks its first process: before, or when there are two.
+KILLED = """#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+pid_t fork(void) {
+  const char* when = getenv("KILLED");
+  unsetenv("KILLED");
+  if (when && strcmp(when, "before") == 0) kill(getpid(), SIGKILL);
+  pid_t child = ((pid_t(*)(void))dlsym(RTLD_NEXT, "fork"))();
+  if (when && child > 0) kill(getpid(), SIGKILL);
+  return child;
+}
+"""
+
+
 @unittest.skipUnless(shutil.which("cc"), "needs a C compiler")
 @unittest.skipUnless(LANDLOCK >= 3, "the kernel has no Landlock, or an old one")
 class Confinement(ProgramTest):
@@ -154,6 +172,32 @@ class Confinement(ProgramTest):
         status, _, err = self.run_here(SMARTSURF, "info", "r.h5", SMARTSURF_CONFINE="maybe")
         self.assertEqual(status, 2, err)
         self.assertIn("SMARTSURF_CONFINE", err)
+
+    def test_plot_is_silent_without_a_cache_of_fonts(self):
+        fonts, settings = self.folder / "fonts", self.folder / "fonts.conf"
+        fonts.mkdir()
+        shutil.copy("/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf", fonts)
+        settings.write_text(f"<fontconfig><dir>{fonts}</dir><cachedir>/dev/null/none</cachedir></fontconfig>\n")
+        for confine in ("off", "require"):  # which can read no such settings
+            status, out, err = self.run_here(SMARTSURF, "plot", "r.h5", "-o", "r.svg", FONTCONFIG_FILE=str(settings),
+                                             SMARTSURF_CONFINE=confine)
+            self.assertEqual((status, out + err), (0, ""))
+
+    def test_killed_at_its_start_leaves_nothing(self):
+        source, library = (self.folder / name for name in ("killed.c", "killed.so"))
+        source.write_text(KILLED)
+        subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
+        names = sorted(path.name for path in self.home.iterdir())
+        commands = [("run", "s.lua", "--no-controller", "--ticks", "2", "--record", "n.h5", "--record", "n.csv", "--stats", "n.json"),
+                    ("run", "s.lua", "--no-controller", "--ticks", "2", "--worlds", "2", "--stats", "n.json")]
+        if WITH_VIEW:
+            commands.append(("replay", "r.h5", "--screenshot", "n.png@0"))
+        for command in [(SMARTSURF, *c) for c in commands] + [(APRON, "run", "p.aps", "--ticks", "1", "--save", "A=a.npy")]:
+            for when in ("before", "after"):
+                with self.subTest(command=command[1:], when=when):
+                    status, _, err = self.run_here(*command, LD_PRELOAD=str(library), KILLED=when)
+                    self.assertEqual(status, -9, err)
+                    self.wait_for(lambda: sorted(path.name for path in self.home.iterdir()) == names, "the broker")
 
     def test_killed_run_leaves_no_part_and_no_controller(self):
         controller = f"sleep {10**6 + os.getpid()}"

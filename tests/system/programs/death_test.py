@@ -72,6 +72,14 @@ class Death(ProgramTest):
         self.assertEqual(status, 3, err)
         self.assertEqual(err.count("\n"), 1, err)
 
+    def test_killed_broker_ends_a_run_without_a_controller(self):
+        for signal_number in (signal.SIGKILL, signal.SIGSEGV):
+            run = self.start(SMARTSURF, "run", SORT_LUA, "--no-controller", "--until", "1000000", "--stats", "s.json")
+            self.wait_for((self.folder / f"s.json.part{run.pid}").exists, "the broker")
+            subprocess.run(["pkill", f"-{int(signal_number)}", "-P", str(run.pid)], check=True)
+            status, _, err = self.finish(run, 20)
+            self.assertEqual((status, err), (1, "smartsurf: the process that names the outputs has ended\n"))
+
     def processes_of_run(self):
         """The processes that a run's controller has started: they inherit the segment's name."""
         name = f"SMARTSURF_SHM={self.shm}".encode()

@@ -807,7 +807,7 @@ class VectorEnvironments(ExperimentTest):
             state, kept = simulation.save(), simulation.state_hash
             with self.assertRaisesRegex(smartsurf.Error, refused):
                 simulation.reset(other)
-            with self.assertRaisesRegex(smartsurf.Error, "could not start"):
+            with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
                 simulation.step()
             simulation.restore(state)
             self.assertEqual(simulation.state_hash, kept)

@@ -1,9 +1,11 @@
 """Tasks in Python: the same in one world, in many and on a live surface."""
+import copy
 import os
 import pathlib
 import pickle
 import subprocess
 import sys
+import tempfile
 import unittest
 import warnings
 
@@ -24,6 +26,34 @@ box { size = {1.6, 1.2, 1}, position = {3.5, 2.5, 3}, label = 'box' }
 sphere { radius = 0.6, position = {5, 3, 3}, label = 'ball' }
 sphere { radius = 0.5, position = {2, 3, 3}, label = 'ball' }
 """
+
+
+# Some worlds cannot start, some fail later.
+FAILING = """
+surface { rows = 2, columns = 2, actuator = pin { range = {0, 4} }, sensors = { proximity { range = 4 } } }
+local ball, broken = sphere { radius = 0.4, position = {1, 1, 3} }
+on_reset(function()
+  object(ball):teleport { position = {random(0.5, 1.5), random(0.5, 1.5), 3} }
+  broken = random(4, 40) // 1
+  assert(random() < 0.7, 'early')
+end)
+on_tick(function(t, tick) assert(tick ~= broken, 'late') end)
+info { x = function() local x = object(ball):position() return x end }
+reward(function(t, tick) return tick end)
+episode { seconds = 0.4 }
+on_finish(function(t) metric('t', t) end)
+"""
+
+
+class Failing(smartsurf.Task):
+    """Fails in all ways."""
+    scene = FAILING
+
+    def reward(self, s):
+        return np.where((s.position(0)[:, 0] > 1.4) & (s.ticks > 3), np.nan, 1)
+
+    def observation(self, s):
+        return np.column_stack([s.position(0), s.time])
 
 
 class Reach(smartsurf.Task):
@@ -247,9 +277,9 @@ class Tasks(ExperimentTest):
             for ticks in (4, 14, 1, 1, 11):
                 for tick in range(ticks):
                     envs.step(command(tick, envs.action_space.shape))
-                copy = pickle.loads(pickle.dumps(envs))
+                twin = pickle.loads(pickle.dumps(envs))
                 for tick in range(40):
-                    a, b = (one.step(command(tick, envs.action_space.shape)) for one in (envs, copy))
+                    a, b = (one.step(command(tick, envs.action_space.shape)) for one in (envs, twin))
                     self.assert_same(a[0], b[0])
                     for x, y in zip(a[1:4], b[1:4]):
                         np.testing.assert_array_equal(x, y)
@@ -258,6 +288,130 @@ class Tasks(ExperimentTest):
         env.reset(seed=1)
         again = pickle.loads(pickle.dumps(env))
         self.assert_same(env.step(command(1, env.action_space.shape))[0], again.step(command(1, env.action_space.shape))[0])
+
+    def assert_equal(self, one, other):
+        """What reset() or step() returns, to the bit."""
+        if isinstance(one, (tuple, list)):
+            for a, b in zip(one, other, strict=True):
+                self.assert_equal(a, b)
+        elif isinstance(one, dict):
+            self.assertEqual(one.keys(), other.keys())
+            self.assert_equal(list(one.values()), list(other.values()))
+        elif isinstance(one, np.ndarray) and one.dtype == object:
+            self.assert_equal(one.tolist(), other.tolist())
+        elif isinstance(one, str):
+            self.assertEqual(one, other)
+        else:
+            np.testing.assert_array_equal(one, other)
+
+    def test_worlds_that_fail_follow_from_their_seed_and_are_copied(self):
+        def results(envs, call, *arguments, **named):
+            try:
+                return getattr(envs, call)(*arguments, **named)
+            except smartsurf.Error as error:
+                return str(error)
+        makes = (lambda mode: smartsurf.VectorEnv("t.lua", 4, threads=2, source=FAILING, autoreset_mode=mode),
+                 lambda mode: Failing().make_vec(4, threads=2, autoreset_mode=mode))
+        for mode in AutoresetMode:
+            for kind, make in enumerate(makes):
+                one, other = make(mode), make(mode)
+                failures = 0
+                for seed in range(4):
+                    chance = np.random.default_rng(seed)
+                    self.assert_equal(*(results(envs, "reset", seed=seed) for envs in (one, other)))
+                    for tick in range(40):
+                        actions = command(tick, one.action_space.shape)
+                        left, right = (results(envs, "step", actions) for envs in (one, other))
+                        with self.subTest(mode=mode.value, kind=kind, seed=seed, tick=tick):
+                            self.assert_equal(left, right)
+                        if isinstance(left, str):
+                            self.assert_equal(*(results(envs, "reset") for envs in (one, other)))
+                            continue
+                        self.assertTrue(np.isfinite(left[0]).all())
+                        failures += np.isnan(left[1]).sum()
+                        over = left[2] | left[3]
+                        if mode == AutoresetMode.DISABLED and over.any() and chance.random() < 0.5:
+                            self.assert_equal(*(results(envs, "reset", options={"reset_mask": over}) for envs in (one, other)))
+                        if chance.random() < 0.3:
+                            one = copy.deepcopy(one) if chance.random() < 0.5 else pickle.loads(pickle.dumps(one))
+                self.assertGreater(failures, 20)
+
+    def test_a_checkpoint_has_the_worlds_that_fail(self):
+        from smartsurf import training
+        with tempfile.TemporaryDirectory() as folder:
+            file, failures = pathlib.Path(folder) / "checkpoint.npz", 0
+            for seed in range(6):
+                one, other = (Failing().make_vec(8, threads=1, autoreset_mode="Disabled", seed=s) for s in (seed, 99))
+                one.reset(seed=seed)
+                for tick in range(3 * seed):
+                    failures += np.isnan(one.step(command(tick, one.action_space.shape))[1]).sum()
+                training._write_checkpoint(file, one._save_worlds())
+                other._restore_worlds(training._read_checkpoint(file))
+                for tick in range(12):
+                    left, right = (envs.step(command(tick, one.action_space.shape)) for envs in (one, other))
+                    self.assert_equal(left, right)
+            self.assertGreater(failures, 20)
+
+    def test_a_copy_of_a_failed_world_has_failed(self):
+        def said(env, call, *arguments, **named):
+            try:
+                getattr(env, call)(*arguments, **named)
+            except smartsurf.Error as error:
+                return str(error)
+            return ""
+        env, kinds = Failing().make(seed=next(s for s in range(20) if not said(Failing(), "make", seed=s))), set()
+        still = np.zeros(env.action_space.shape)
+        for seed in range(30):
+            error = said(env, "reset", seed=seed)
+            for tick in range(15):
+                error = error or said(env, "step", still)
+            kinds.add(error.split(": ")[-1])
+            twins = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+            expected = [said(env, "step", still) for _ in range(2)]
+            for one in twins:
+                self.assertEqual([said(one, "step", still) for _ in range(2)], expected)
+        self.assertEqual(kinds, {"", "early", "late", "must be finite"})
+
+    def test_success_at_the_start_ends_the_first_step(self):
+        scene = SCENE + "on_reset(function() easy = random() < 0.5 end)\ninfo { easy = function() return easy and 1 or 0 end }\n"
+
+        class Easy(smartsurf.Task):
+            def success(self, s):
+                return (s.info["easy"] == 1) & (s.ticks == 0)
+        Easy.scene = scene
+        lua = scene + "success(function(t, tick) return easy and tick == 0 end)\nepisode { seconds = 0.1 }"
+        Easy.episode_seconds = 0.1
+        for mode in AutoresetMode:
+            with self.subTest(mode=mode.value):
+                task, script = (make(8, threads=2, autoreset_mode=mode) for make in (
+                    Easy().make_vec, lambda *a, **b: smartsurf.VectorEnv("t.lua", *a, source=lua, **b)))
+                ends = 0
+                for tick in range(30):
+                    if tick == 0:
+                        (_, infos), (_, others) = (envs.reset(seed=5) for envs in (task, script))
+                        np.testing.assert_array_equal(infos["success"], infos["easy"] == 1)
+                        easy = infos["success"]
+                        self.assertTrue(0 < easy.sum() < 8)
+                    else:
+                        (_, _, *flags, infos), (_, _, *expected, others) = (
+                            envs.step(np.zeros(envs.action_space.shape)) for envs in (task, script))
+                        self.assert_equal(flags, expected)
+                        if tick == 1:
+                            np.testing.assert_array_equal(flags[0], easy)
+                        ends += flags[0].sum()
+                        over = flags[0] | flags[1]
+                        if mode == AutoresetMode.DISABLED and over.any():
+                            (_, infos), (_, others) = (envs.reset(options={"reset_mask": over}) for envs in (task, script))
+                    self.assert_equal(infos["success"], others["success"])
+                    if tick % 7 == 3:
+                        task, script = copy.deepcopy(task), copy.deepcopy(script)
+                self.assertGreater(ends, 8)
+        one = Easy().make()
+        seed = next(s for s in range(20) if one.reset(seed=s)[1]["success"])
+        for env in (one, smartsurf.Env("t.lua", source=lua)):
+            self.assertTrue(env.reset(seed=seed)[1]["success"])
+            _, _, terminated, _, info = env.step(np.zeros(env.action_space.shape))
+            self.assertTrue(terminated and info["success"])
 
     def test_observations_of_one_number_are_arrays(self):
         class Height(Sensed):
@@ -390,9 +544,9 @@ class Tasks(ExperimentTest):
                                                           (None, "Mine.metrics returned a NoneType: must be a dict"),
                                                           ({"x": "y"}, r"Mine.metrics\['x'\] has values of type"),
                                                           ({"x": [1, 2, 3]}, r"Mine.metrics\['x'\] returned an array of shape")))):
-            envs = changed(**members).make_vec(2)
-            envs.reset(seed=1)
             with self.assertRaisesRegex(ValueError, message):
+                envs = changed(**members).make_vec(2)
+                envs.reset(seed=1)
                 envs.step(np.zeros(envs.action_space.shape, np.float32))
 
         for member in ("sensors['proximity']", "actions['height']", "goals['level']", "time", "ticks", "position('box')"):

@@ -36,6 +36,14 @@ TEST(AtomicFile, ReplacesWholeFile) {
 
 unsigned mode_of(const fs::path& path) { return static_cast<unsigned>(fs::status(path).permissions()); }
 
+common::PreparedOutput create_output(const fs::path& path) {
+  common::PreparedOutput output = common::prepare_output("--save", path, common::part_of(path));
+  EXPECT_FALSE(fs::exists(output.part));
+  EXPECT_FALSE(common::create_part(output));
+  EXPECT_TRUE(output.is_new);
+  return output;
+}
+
 TEST(AtomicFile, KeepsPermissionsOfReplacedFile) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.txt";
@@ -45,7 +53,7 @@ TEST(AtomicFile, KeepsPermissionsOfReplacedFile) {
     fs::permissions(path, fs::perms{mode});
     EXPECT_FALSE(replace_file(path, "again"));
     EXPECT_EQ(mode_of(path), mode);
-    const common::PreparedOutput output = common::prepare_output("--save", path, common::part_of(path));
+    const common::PreparedOutput output = create_output(path);
     EXPECT_EQ(mode_of(output.part) & ~mode, 0U);  // never wider than the file
     EXPECT_FALSE(common::name_part(output));
     EXPECT_EQ(mode_of(path), mode);
@@ -55,11 +63,22 @@ TEST(AtomicFile, KeepsPermissionsOfReplacedFile) {
 TEST(AtomicFile, TellsThatPreparedPartWasRemoved) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.txt";
-  const common::PreparedOutput output = common::prepare_output("--save", path, common::part_of(path));
+  const common::PreparedOutput output = create_output(path);
   common::use_prepared_outputs({output}, {[](std::size_t) { return std::error_code(); }, [](std::size_t) {}});
   fs::remove(output.part);
   EXPECT_EQ(replace_file(path, "new"), common::lost_part());
   common::use_prepared_outputs({}, {});
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+TEST(AtomicFile, PartThatCannotBeCreatedIsNotNew) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.txt";
+  common::PreparedOutput output = common::prepare_output("--save", path, common::part_of(path));
+  fs::create_directories(output.part / "foreign");
+  EXPECT_TRUE(common::create_part(output));
+  EXPECT_FALSE(output.is_new);
+  fs::remove_all(output.part);
   EXPECT_EQ(folder.entries(), 0);
 }
 

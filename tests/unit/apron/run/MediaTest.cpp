@@ -269,6 +269,13 @@ TEST_F(MediaTest, RefusesDamagedPictures) {
     EXPECT_NE(said.find(name), std::string::npos) << said;
     EXPECT_NE(said.find("is not a"), std::string::npos) << said;
   }
+  // stb gives no reason for it.
+  write_bytes("b.jpg", from_hex("ffd8ffe000104602000001375693912453d38416ffc000110800400040030112000212000312"
+                                "00ffda000c03"));
+  const Plane square = plane(64, 64);
+  EXPECT_TRUE(error_of([&] { read_image(path("b.jpg"), square); }).ends_with("JPEG or BMP picture"));
+  write_bytes("c.jpg", "\xff\xd8\xff no");
+  EXPECT_NE(error_of([&] { read_image(path("c.jpg"), p); }).find("picture: "), std::string::npos);
   write_bytes("a.pgm", "P5 2 1 255\n\x01");
   EXPECT_NE(error_of([&] { read_image(path("a.pgm"), p); }).find("not a complete PGM"), std::string::npos);
   write_image(path("b.png"), p);

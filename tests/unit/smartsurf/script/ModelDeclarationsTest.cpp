@@ -337,6 +337,10 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
             "2: <link name='l'>: inertia, whose greatest principal moment = 9: must be at most the sum of "
             "the others, "
             "2"},
+           {"<link name='l'><inertial><mass value='1'/><inertia ixx='1'/></inertial></link>",
+            "2: <inertia>: the attribute 'iyy' is missing"},
+           {"<link name='l'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='x'/></inertial></link>",
+            "2: <inertia>: izz='x': must be a number"},
            {"<link name='l'><collision><geometry><mesh "
             "filename='../../x.stl'/></geometry></collision></link>",
             "2: <mesh>: '../../x.stl' is outside the script's folder and the output folder; --unsafe allows "

@@ -449,6 +449,23 @@ TEST(EnvironmentVerdict, IsThatOfRunAndLiesInTheState) {
   EXPECT_EQ(end_of("at(0.65, function() error('broken', 0) end)"), End("verdict.lua:2: broken", {}, {}));
 }
 
+TEST(EnvironmentVerdict, SuccessOfTheStartEndsTheFirstStep) {
+  EnvironmentOptions options;
+  options.experiment = "start.lua";
+  options.source =
+      "surface { rows = 2, columns = 2 }\nsuccess(function(t, tick) return tick == 0 or tick == 2 end)";
+  Environment environment(options);
+  for (int episode = 0; episode < 2; ++episode) {
+    EXPECT_TRUE(environment.has_succeeded());
+    const std::string start = environment.save();
+    EXPECT_TRUE(environment.step().terminated);
+    EXPECT_EQ(environment.verdict().success_s, 0.0);
+    environment.restore(start);
+    EXPECT_TRUE(environment.step().terminated);
+    environment.reset(7);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Experiments, EnvironmentTest,
                          testing::Values(kCrowd, kNoisy, kJoints, kTilting, kDeltas, kTautSkin,
                                          kElasticSkin));
