@@ -247,13 +247,16 @@ class PartOnField {
     Escape axis;
     if (!sat.find_best_axis(p.column, margin_, is_beside(p.column), axis)) return;
     ManifoldReducer found;
+    const bool is_up = axis.normal.z() > least_upright_;
+    const Vec3 facing = is_up ? Vec3(Vec3::UnitZ()) : axis.normal;
     // Neighbouring level tops often yield the same normal.
-    if (facing_normal_ != axis.normal)
-      facing_normal_ = axis.normal, facing_feature_ = support_feature(part_, centre_, axes_, -axis.normal);
+    if (facing_normal_ != facing)
+      facing_normal_ = facing, facing_feature_ = support_feature(part_, centre_, axes_, -facing);
     const SupportFeature& part_feature = facing_feature_;
-    if (axis.normal.z() > least_upright_) {
+    if (is_up) {
       add_top_patch(part_feature, p.column, found);
-      if (is_underside(part_feature)) {
+      // A level underside bears on the area that it shares with the top, however deep it is in it.
+      if (part_feature.is_face() && part_feature.normal.z() < -least_upright_) {
         if (found.count() == 0) add_point_of_disc(part_feature, p.column, found);
         if (found.count() > 0 || (axis.separation < 0.0F && !part_.hull)) return add(p, found, out);
       }
@@ -271,15 +274,6 @@ class PartOnField {
         return is_polyhedral ? add_closest(p, axis, out) : collide_with_gjk(p, axis, out);
     }
     add(p, found, out);
-  }
-
-  // True for a level face that the part stands on. It bears on the area that it shares with a top, however
-  // deep it is in it.
-  bool is_underside(const SupportFeature& face) const {
-    if (!face.is_face() || face.normal.z() > -least_upright_) return false;
-    const auto height = [](const Vec3& p) { return p.z(); };
-    return std::ranges::min(std::span(face.point).first(face.count), {}, height).z() <=
-           low_.z() + kEdgeTolerance;
   }
 
   // Adds the point of a top that is nearest to the middle of a disc, if the disc covers it. A disc's feature
