@@ -247,16 +247,18 @@ class PartOnField {
     Escape axis;
     if (!sat.find_best_axis(p.column, margin_, is_beside(p.column), axis)) return;
     ManifoldReducer found;
-    const bool is_up = axis.normal.z() > least_upright_;
-    const Vec3 facing = is_up ? Vec3(Vec3::UnitZ()) : axis.normal;
+    const bool is_up = axis.normal.z() > least_upright_,
+               may_sink = is_up && columns_.field().has_elastic_tops;
+    const Vec3 facing = may_sink ? Vec3(Vec3::UnitZ()) : axis.normal;
     // Neighbouring level tops often yield the same normal.
     if (facing_normal_ != facing)
       facing_normal_ = facing, facing_feature_ = support_feature(part_, centre_, axes_, -facing);
     const SupportFeature& part_feature = facing_feature_;
     if (is_up) {
       add_top_patch(part_feature, p.column, found);
-      // A level underside bears on the area that it shares with the top, however deep it is in it.
-      if (part_feature.is_face() && part_feature.normal.z() < -least_upright_) {
+      // An underside bears on the area that it shares with elastic tops, also deeper than the rounded cores
+      // reach.
+      if (may_sink && part_feature.is_face() && part_feature.normal.z() < -least_upright_) {
         if (found.count() == 0) add_point_of_disc(part_feature, p.column, found);
         if (found.count() > 0 || (axis.separation < 0.0F && !part_.hull)) return add(p, found, out);
       }
