@@ -91,6 +91,9 @@ struct ActuatorKind {
   std::function<std::vector<ActuatorChannel>(const ActuatorSpec&)> channels = {};
   // The minimum and maximum z of the top relative to the cell's base. Null = both are the parameter `height`.
   std::function<std::array<double, 2>(const ActuatorSpec&)> height_limits = {};
+  // The radius of the disc about 0 in which the first two channels lie together. Null = each has its own
+  // range.
+  std::function<double(const ActuatorSpec&)> disc_radius = {};
   // Checks constraints between parameters. Returns "" or one clause, "pin.range[2] = 0: must be …". May be
   // null.
   std::function<std::string(const ActuatorSpec&)> check_constraints = {};

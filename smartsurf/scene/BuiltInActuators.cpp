@@ -409,6 +409,7 @@ ActuatorKind delta_kind() {
           [](const ActuatorSpec& s) {
             return std::array{s.numbers("workspace.z")[0], s.numbers("workspace.z")[1]};
           },
+      .disc_radius = [](const ActuatorSpec& s) { return s.number("workspace.radius"); },
       .check_constraints = check_delta};
 }
 

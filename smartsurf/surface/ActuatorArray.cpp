@@ -120,10 +120,11 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
   faults_ = std::make_unique<ActuatorFaults>(surface, channels_, cell_channels, actuated_cells, map, seed);
   for (std::size_t channel = 0; channel < channels_.size(); ++channel) {
     std::vector<float> safe = cell_channels.safe_values(channel);
-    commands_.push_back({safe, safe, {}, true});
+    commands_.push_back({.values = safe, .safe = safe, .runs = {}, .dirty = true});
   }
   for (Model& model : models_) {
-    const auto model_channels = scene::find_actuator_kind(model.spec.model)->channels(model.spec);
+    const scene::ActuatorKind& kind = *scene::find_actuator_kind(model.spec.model);
+    const auto model_channels = kind.channels(model.spec);
     for (std::size_t k = 0; k < model_channels.size(); ++k) {
       const auto it = std::ranges::find(channels_, model_channels[k].name, &scene::ActuatorChannel::name);
       const auto channel = static_cast<int>(it - channels_.begin());
@@ -136,6 +137,10 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
                          .maximum = static_cast<float>(model_channels[k].maximum),
                          .latency = static_cast<int>(model.spec.number("latency")),
                          .runs = model.runs};
+      if (kind.disc_radius && k < 2) {
+        route.disc_radius = static_cast<float>(kind.disc_radius(model.spec));
+        commands.in_disc = true;
+      }
       // The current frame and one per period of latency.
       const int depth = route.latency + faults_->latency(channel) + 1;
       route.passthrough = depth == 1 && !faults_->has_faults(channel) &&
@@ -197,8 +202,10 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
   const int end_cell = first_cell + static_cast<int>(targets.size());
   assert(first_cell >= 0 && end_cell <= std::ssize(field_.height));
   const scene::ActuatorChannel& info = channels_[channel];
-  const auto low = static_cast<float>(info.minimum), high = static_cast<float>(info.maximum);
   ChannelCommands& commands = commands_[channel];
+  constexpr float kMax = std::numeric_limits<float>::max();
+  const auto minimum = static_cast<float>(info.minimum), maximum = static_cast<float>(info.maximum);
+  const float low = commands.in_disc ? -kMax : minimum, high = commands.in_disc ? kMax : maximum;
   const auto first_run = std::ranges::upper_bound(commands.runs, first_cell, {}, &CellRun::end);
   const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
   const auto runs =
@@ -221,7 +228,44 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
     clamp_runs(0, count);
   commands.dirty |= changed;
   nan_targets_ += nan;
+  if (commands.in_disc)
+    for_each_cell(runs, [&](int i) {
+      const float value = commands.values[i];
+      const bool is_counted = i < first_cell || i >= end_cell || std::abs(value) == kMax;
+      if (!is_counted && (value < minimum || value > maximum)) ++replaced;
+    });
   return replaced;
+}
+
+// Clamps the commands of channels in discs: of a model with a disc to its nearest point, of others to the
+// channel's range. Leaves commands that it clamped before as they are.
+void ActuatorArray::clamp_to_discs() noexcept {
+  for (std::size_t r = 0; r < routes_.size(); ++r) {
+    const CommandRoute& route = routes_[r];
+    ChannelCommands& commands = commands_[route.channel];
+    if (!commands.in_disc) continue;
+    if (route.disc_radius == 0.0F) {
+      if (!commands.dirty) continue;
+      const scene::ActuatorChannel& info = channels_[route.channel];
+      const auto low = static_cast<float>(info.minimum), high = static_cast<float>(info.maximum);
+      for_each_cell(route.runs,
+                    [&](int i) { commands.values[i] = std::clamp(commands.values[i], low, high); });
+      continue;
+    }
+    if (route.model_channel != 0) continue;
+    ChannelCommands& others = commands_[routes_[r + 1].channel];
+    if (!commands.dirty && !others.dirty) continue;
+    constexpr double kRounding = 1e-6;
+    const auto radius = static_cast<double>(route.disc_radius);
+    for_each_cell(route.runs, [&](int i) {
+      const auto x = static_cast<double>(commands.values[i]), y = static_cast<double>(others.values[i]);
+      const double distance = std::sqrt(x * x + y * y);
+      if (distance <= (1.0 + kRounding) * radius) return;
+      commands.values[i] = static_cast<float>(x * (radius / distance));
+      others.values[i] = static_cast<float>(y * (radius / distance));
+      commands.dirty = others.dirty = true;
+    });
+  }
 }
 
 std::uint64_t ActuatorArray::set_target(int channel, int row, int column, float target) noexcept {
@@ -260,6 +304,7 @@ void ActuatorArray::deliver_commands(CommandRoute& route) noexcept {
 }
 
 void ActuatorArray::begin_tick() noexcept {
+  clamp_to_discs();
   for (CommandRoute& route : routes_) {
     if (route.delay_line.size() <= 1) continue;
     route.head = (route.head + 1) % route.delay_line.size();
@@ -268,6 +313,7 @@ void ActuatorArray::begin_tick() noexcept {
 }
 
 void ActuatorArray::plan(double dt_s) noexcept {
+  clamp_to_discs();
   for (CommandRoute& route : routes_)
     if (route.delay_line.size() <= 1 && commands_[route.channel].dirty) deliver_commands(route);
   for (ChannelCommands& commands : commands_) commands.dirty = false;

@@ -1,7 +1,8 @@
 // Drives all actuators of the surface: turns commands per channel into cell motion and forces on objects.
 //
 // A command is clamped to the channel's range and stored, altered by the cell's faults and latency, and then
-// passed to the actuator model that owns the cell.
+// passed to the actuator model that owns the cell. Two channels that lie in a disc are clamped together, when
+// both commands of a step are known.
 //
 // One physics step: plan(), add_forces() if exerts_forces(), the physics step against field(), commit().
 // Collision detection sees the cells at their old heights, moving at `speed`; detecting at the new heights
@@ -38,7 +39,7 @@ class ActuatorArray {
 
   std::span<const scene::ActuatorChannel> channels() const noexcept { return channels_; }
   // The latest commands, clamped to the channel's range: rows × columns, row-major, row 0 north, in the
-  // channel's unit.
+  // channel's unit. Those of a channel that lies in a disc are clamped from the next plan() on.
   std::span<const float> targets(int channel) const noexcept { return commands_[channel].values; }
 
   // Sets the commands of the cells starting at `first_cell` (row-major). Clamps them to the channel's range
@@ -81,12 +82,14 @@ class ActuatorArray {
     std::vector<float> values, safe;
     std::vector<CellRun> runs;  // cells that have the channel, ascending
     bool dirty = false;         // changed since the last delivery to the models
+    bool in_disc = false;       // clamped by clamp_to_discs()
   };
   // Carries one channel's commands to one model.
   struct CommandRoute {
     Actuator* model = nullptr;
     int model_channel = 0, channel = 0;
     float minimum = 0.0F, maximum = 0.0F;  // range of the model's channel
+    float disc_radius = 0.0F;              // of the model's first two channels; 0: none
     int latency = 0;                       // of the model, control periods
     std::vector<CellRun> runs;
     bool passthrough = true;                          // no faults, latency or narrower range
@@ -100,6 +103,7 @@ class ActuatorArray {
   void add_routes(const scene::SurfaceSpec&, const FaultMap&, std::uint64_t seed);
   void init_tips();
   void init_targets();
+  void clamp_to_discs() noexcept;
   void apply_faults(CommandRoute&) noexcept;
   void deliver_commands(CommandRoute&) noexcept;
 

@@ -147,7 +147,7 @@ TEST_P(Delta, SameInAnyUnitOfLength) {
 TEST_P(Delta, TipKeepsItsLimitsWithinItsWorkspace) {
   set_deltas(fixture, 1, 1, 4.0,
              {{"workspace.radius", {1.0}}, {"max_speed", {2.0}}, {"max_acceleration", {20.0}}});
-  move_tips(fixture, kX, 3.0);  // clamped to 1; with y the nearest point of the circle
+  move_tips(fixture, kX, 3.0);
   move_tips(fixture, kY, 1.0);
   move_tips(fixture, kZ, 9.0);
   Eigen::Vector3f last = Eigen::Vector3f::Zero(), fastest = last;
@@ -161,10 +161,57 @@ TEST_P(Delta, TipKeepsItsLimitsWithinItsWorkspace) {
   EXPECT_EQ(fastest.z(), 2.0F);
   EXPECT_LE(fastest.maxCoeff(), 2.0F);
   const surface::Field& field = fixture.cells().field();
-  EXPECT_NEAR(field.offset[0].x(), std::sqrt(0.5F), 1e-6F);
-  EXPECT_NEAR(field.offset[0].y(), std::sqrt(0.5F), 1e-6F);
+  EXPECT_NEAR(field.offset[0].x(), std::sqrt(0.9F), 1e-6F);
+  EXPECT_NEAR(field.offset[0].y(), std::sqrt(0.1F), 1e-6F);
   EXPECT_EQ(field.height[0], 2.0F);
   EXPECT_TRUE(last.isZero(0.0F)) << "stops on its target";
+}
+
+TEST(DeltaCommands, MoveToTheNearestPointOfTheWorkspace) {
+  std::mt19937 random(5);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int i = 0; i < 20; ++i) {
+    const double radius = uniform(0.1, 1.0);
+    const auto latency = static_cast<double>(i % 3);
+    PhysicsFixture bench;
+    set_deltas(bench, 3, 3, 4.0,
+               {{"workspace.radius", {radius}},
+                {"max_speed", {1e3}},
+                {"max_acceleration", {1e6}},
+                {"latency", {latency}}});
+    std::array<std::vector<float>, 2> commands;
+    for (auto& channel : commands)
+      for (int cell = 0; cell < 9; ++cell)
+        channel.push_back(static_cast<float>(std::pow(10.0, uniform(-1.5, 1.5)) * uniform(-radius, radius)));
+    commands[0][4] = std::numeric_limits<float>::infinity();
+    surface::ActuatorArray& cells = bench.cells();
+    // In any order, also of single cells.
+    if (i % 2 == 0) {
+      for (int cell = 8; cell >= 0; --cell)
+        for (const int channel : {kY, kX})
+          cells.set_target(channel, cell / 3, cell % 3, commands[channel][cell]);
+    } else {
+      for (const int channel : {kX, kY}) cells.set_targets(channel, commands[channel]);
+    }
+    for (int tick = 0; tick < 4; ++tick) {
+      cells.begin_tick();
+      bench.run(0.1);
+      for (const int channel : {kX, kY}) {  // as clients do that send back what they read
+        const auto read = cells.targets(channel);
+        cells.set_targets(channel, std::vector<float>(read.begin(), read.end()));
+      }
+    }
+    for (int cell = 0; cell < 9; ++cell) {
+      const double x = std::min(1e30, static_cast<double>(commands[0][cell])), y = commands[1][cell];
+      const double scale = std::min(1.0, radius / std::hypot(x, y));
+      EXPECT_NEAR(static_cast<double>(cells.targets(kX)[cell]), scale * x, 1e-6);
+      EXPECT_NEAR(static_cast<double>(cells.targets(kY)[cell]), scale * y, 1e-6);
+      EXPECT_NEAR(static_cast<double>(cells.field().offset[cell].x()), scale * x, 1e-5);
+      EXPECT_NEAR(static_cast<double>(cells.field().offset[cell].y()), scale * y, 1e-5);
+    }
+  }
 }
 
 TEST(DeltaSleep, MovingTipWakesWhatItPushes) {
@@ -257,6 +304,45 @@ TEST_P(YieldingDelta, LoadSwingsAsDampedOscillator) {
     const double root = std::sqrt(1 - share * share);
     EXPECT_NEAR(swing.decrement(), 2 * M_PI * share / root, 0.05 * share * 2 * M_PI + 1e-3);
     EXPECT_NEAR(swing.period_s(), 2 * M_PI / frequency / root, 0.01 * 2 * M_PI / frequency);
+  }
+}
+
+// Whatever slides, rolls or bounces over springs of any stiffness, without damping or with any.
+TEST_P(YieldingDelta, LoadsGainNoEnergy) {
+  std::mt19937 random(17);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  constexpr double kHeight = 1.0;
+  for (int i = 0; i < 36; ++i) {
+    SCOPED_TRACE(i);
+    const double stiffness = std::pow(10.0, uniform(1.5, 4.5));  // of a mass of 1
+    const double share = std::array{0.0, 0.0, 0.001, std::pow(10.0, uniform(-3, 0))}[i % 4];
+    fixture = PhysicsFixture();
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.materials[0].friction = std::array{0.0, 0.02, uniform(0, 1)}[i % 3];
+    scene::ParameterValues values{{"tip.shape", {static_cast<double>(i / 3 % 2)}},
+                                  {"stiffness", {stiffness}},
+                                  {"damping", {2 * share * std::sqrt(stiffness)}}};
+    set_deltas(fixture, 9, 9, 1.0, values);
+    const Eigen::Vector3d at(uniform(3, 5), uniform(3, 5), 0.5 + kHeight + uniform(0.02, 0.7));
+    auto o = i % 4 == 0   ? sphere(kHeight, at)
+             : i % 4 == 1 ? box({uniform(2, 4), uniform(2, 4), 2 * kHeight}, at)
+             : i % 4 == 2 ? cylinder(uniform(1, 2), 2 * kHeight, at)
+                          : capsule(0.8, 2 * kHeight, at);
+    o.mass = 1.0;
+    o.orientation = Eigen::Quaterniond(Eigen::AngleAxisd(uniform(0, 3), Eigen::Vector3d::UnitZ()));
+    o.velocity = {uniform(-1, 1), uniform(-1, 1), 0};
+    const auto id = fixture.add(o);
+    const double given = o.velocity.squaredNorm() / 2 + kGravity * at.z();
+    double greatest = 0.0;
+    fixture.run(3.0, [&] {
+      // A lower bound: without the spin.
+      const Eigen::Vector3d v = fixture.velocity(id).cast<double>();
+      greatest =
+          std::max(greatest, v.squaredNorm() / 2 + kGravity * static_cast<double>(fixture.position(id).z()));
+    });
+    EXPECT_LT(greatest, given + 0.02 * kGravity + 0.5 * kGravity * GetParam()) << stiffness << ' ' << share;
   }
 }
 

@@ -1,8 +1,10 @@
 // Objects on pins with tips of other shapes, and on tilted tiles, against closed forms.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <random>
 
 #include "smartsurf/scene/KindRegistry.h"
@@ -97,6 +99,55 @@ TEST(PinStiffness, SavedStatesAndThreadsGiveTheSameBits) {
   };
   const std::uint64_t hash = hash_after(1, false);
   for (const int threads : {1, 2, 4}) EXPECT_EQ(hash_after(threads, true), hash) << threads;
+}
+
+// Flat faces sink by their weight over the stiffness of what they cover, and bear on it alone, at any depth.
+TEST(PinStiffness, FlatFacesRestAtTheirDepth) {
+  constexpr int kSide = 12, kSamples = 50;
+  std::mt19937 random(23);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int i = 0; i < 36; ++i) {
+    SCOPED_TRACE(i);
+    const double top = std::array{0.1, 0.3, 0.5, 0.8}[i % 4], depth = std::pow(10.0, uniform(-3.5, -0.6));
+    const double radius = uniform(1.0, 1.8), middle = i % 3 == 0 ? 5.0 : 5.5;
+    const bool is_centred = i % 2 == 0;
+    enum Face { kBox, kCone, kCylinder, kHull } const face = static_cast<Face>(i / 4 % 4);
+    const auto covers = [&](double x, double y) {
+      return face == kBox || face == kHull ? std::max(std::abs(x), std::abs(y)) < radius
+                                           : std::hypot(x, y) < radius;
+    };
+    Eigen::Vector3d at(middle, middle, 0);
+    if (!is_centred) at += Eigen::Vector3d(uniform(-0.5, 0.5), uniform(-0.5, 0.5), 0);
+    double covered = 0.0;  // tops
+    for (int cell = 0; cell < kSide * kSide; ++cell)
+      for (int k = 0; k < kSamples * kSamples; ++k)
+        covered += covers(cell % kSide + top * ((k % kSamples + 0.5) / kSamples - 0.5) - at.x(),
+                          cell / kSide + top * ((k / kSamples + 0.5) / kSamples - 0.5) - at.y());
+    covered /= kSamples * kSamples;
+    PhysicsFixture fixture;
+    set_surface(fixture, "pin", kSide, 1.0, top, {{"stiffness", {kGravity / (depth * covered)}}});
+    const double below_centre = face == kHull ? radius : 0.5;
+    at.z() = below_centre - depth + uniform(0, 0.02);
+    scene::ObjectSpec o = face == kBox    ? box({2 * radius, 2 * radius, 1}, at)
+                          : face == kCone ? cone(radius, 2, at)
+                          : face == kHull ? cube(at, static_cast<float>(2 * radius))
+                                          : cylinder(radius, 1, at);
+    o.mass = 1.0;
+    const auto id = fixture.add(o);
+    fixture.run(12.0);
+    const double z = static_cast<double>(fixture.position(id).z());
+    fixture.run(0.5, [&] {
+      const std::vector<float>& impulse = fixture.cells().field().impulse;
+      const double load = std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
+      EXPECT_NEAR(load, kGravity, 0.01 * kGravity) << depth << ' ' << radius << ' ' << top;
+    });
+    EXPECT_NEAR(static_cast<double>(fixture.position(id).z()), z, 1e-4 + 0.01 * depth);
+    if (is_centred) {
+      EXPECT_NEAR(below_centre - z, depth, 1e-4 + 0.02 * depth);
+    }
+  }
 }
 
 TEST_P(Tips, SphereRestsOnFourHemispheres) {

@@ -15,6 +15,9 @@ namespace smartsurf::world {
 inline constexpr float kBridgeShortcut = 0.05F;
 // A normal that leans less than this over a bridged side does so by rounding only.
 inline constexpr float kLeanTolerance = 0.05F;
+// Least cosine of the angle between a level face, or an upright normal, and the vertical. The springs of
+// elastic tops let a face tilt.
+inline constexpr float kUpright = 0.9999F, kUprightOnElasticTops = 0.99F;
 // Greatest height difference of level tops, u.
 inline constexpr float kLevelTolerance = 1e-3F;
 

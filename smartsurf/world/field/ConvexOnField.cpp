@@ -43,7 +43,8 @@ class PartOnField {
         centre_(centre),
         axes_(axes),
         proxy_(part, centre, axes),
-        margin_(margin) {
+        margin_(margin),
+        least_upright_(columns.field().has_elastic_tops ? kUprightOnElasticTops : kUpright) {
     set_bounds();
     cells_below_ =
         columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
@@ -246,14 +247,24 @@ class PartOnField {
     Escape axis;
     if (!sat.find_best_axis(p.column, margin_, is_beside(p.column), axis)) return;
     ManifoldReducer found;
+    const bool is_up = axis.normal.z() > least_upright_,
+               may_sink = is_up && columns_.field().has_elastic_tops;
+    const Vec3 facing = may_sink ? Vec3(Vec3::UnitZ()) : axis.normal;
     // Neighbouring level tops often yield the same normal.
-    if (facing_normal_ != axis.normal)
-      facing_normal_ = axis.normal, facing_feature_ = support_feature(part_, centre_, axes_, -axis.normal);
+    if (facing_normal_ != facing)
+      facing_normal_ = facing, facing_feature_ = support_feature(part_, centre_, axes_, -facing);
     const SupportFeature& part_feature = facing_feature_;
-    if (axis.normal.z() > 0.9999F)
+    if (is_up) {
       add_top_patch(part_feature, p.column, found);
-    else
+      // An underside bears on the area that it shares with elastic tops, also deeper than the rounded cores
+      // reach.
+      if (may_sink && part_feature.is_face() && part_feature.normal.z() < -least_upright_) {
+        if (found.count() == 0) add_point_of_disc(part_feature, p.column, found);
+        if (found.count() > 0 || (axis.separation < 0.0F && !part_.hull)) return add(p, found, out);
+      }
+    } else {
       add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
+    }
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
     // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part
     // may be deeper than the corners of its face.
@@ -265,6 +276,18 @@ class PartOnField {
         return is_polyhedral ? add_closest(p, axis, out) : collide_with_gjk(p, axis, out);
     }
     add(p, found, out);
+  }
+
+  // Adds the point of a top that is nearest to the middle of a disc, if the disc covers it. A disc's feature
+  // is a polygon, beyond which it may reach over a corner of the top.
+  void add_point_of_disc(const SupportFeature& face, const Column& q, ManifoldReducer& out) const {
+    if (part_.hull || part_.shape.kind == ShapeKind::kBox) return;
+    const Vec3 middle = 0.5F * (face.point[0] + face.point[face.count / 2]), &n = face.normal;
+    Vec3 p(std::clamp(middle.x(), q.west, q.east), std::clamp(middle.y(), q.south, q.north), q.top);
+    const float x = p.x() - middle.x(), y = p.y() - middle.y();
+    if (x * x + y * y > part_.shape.radius * part_.shape.radius) return;
+    const float separation = middle.z() - (n.x() * x + n.y() * y) / n.z() - q.top;
+    if (separation <= margin_) out.add({p, Vec3::UnitZ(), separation, 0});
   }
 
   // Clips a face or an edge of the part to the column's top.
@@ -315,8 +338,7 @@ class PartOnField {
 
   // The normal between the round cores would hold back the rim of such a disc where it comes over a top.
   bool is_level_disc() const {
-    constexpr float kLevel = 0.9999F;
-    return part_.shape.kind == ShapeKind::kCylinder && std::abs(axes_.col(2).z()) > kLevel;
+    return part_.shape.kind == ShapeKind::kCylinder && std::abs(axes_.col(2).z()) > kUpright;
   }
 
   // Used for curved parts, where SAT gives only a lower bound.
@@ -500,7 +522,7 @@ class PartOnField {
   const Vec3& centre_;
   const Mat3& axes_;
   const ConvexProxy proxy_;
-  const float margin_;
+  const float margin_, least_upright_;
   Vec3 low_, high_;  // bounding box of the part, world axes
   CellRange cells_below_;
   bool centre_is_free_;          // no cell reaches up to the part's centre

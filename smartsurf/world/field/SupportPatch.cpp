@@ -16,9 +16,7 @@ namespace {
 
 using scene::ShapeKind;
 
-// Least cosine of the angle between a contact normal, or a face's normal, and the vertical.
-constexpr float kUpright = 0.9999F;
-// Greatest slope of a line that lies on cells: the sine of the same angle.
+// Greatest slope of a line that lies on cells: the sine of the angle of kUpright.
 constexpr float kMaxLineSlope = 0.0141F;
 // Separations that differ by less belong to one resting contact, u.
 constexpr float kSeparationTolerance = 2e-3F;
@@ -40,6 +38,7 @@ struct Footprint {
   float west = 0, east = 0, south = 0, north = 0;
   bool is_on_elastic_tops = false;
 
+  float least_upright() const { return is_on_elastic_tops ? kUprightOnElasticTops : kUpright; }
   bool is_line() const { return count == 2; }
   // Rise of the plane from one point to another.
   float rise(float dx, float dy) const { return slope_x * dx + slope_y * dy; }
@@ -77,7 +76,7 @@ void add_disc(Footprint& f, const Vec3& middle, float radius) {
 }
 
 bool set_plane(Footprint& f, const Vec3& point, const Vec3& up) {
-  if (up.z() < kUpright) return false;
+  if (up.z() < f.least_upright()) return false;
   f.slope_x = -up.x() / up.z(), f.slope_y = -up.y() / up.z();
   f.z = point.z() + f.slope_x * (f.corner[0].x - point.x()) + f.slope_y * (f.corner[0].y - point.y());
   return true;
@@ -98,7 +97,7 @@ bool box_footprint(const Shape& s, const Vec3& centre, const Mat3& axes, Footpri
   Eigen::Index axis = 0;
   axes.row(2).cwiseAbs().maxCoeff(&axis);
   const Vec3 up = axes.col(axis) * std::copysign(1.0F, axes(2, axis));
-  if (up.z() < kUpright) return false;
+  if (up.z() < f.least_upright()) return false;
   const Eigen::Index u = (axis + 1) % 3, v = (axis + 2) % 3;
   const Vec3 middle = centre - up * s.half_extents[axis];
   const Vec3 along_u = axes.col(u) * s.half_extents[u], along_v = axes.col(v) * s.half_extents[v];
@@ -111,7 +110,7 @@ bool hull_footprint(const ConvexHullShape& hull, const Vec3& centre, const Mat3&
   const scene::ConvexHull& h = *hull.hull;
   const scene::ConvexHull::Face& face = h.faces[hull.face_normals.argmax(-axes.row(2).transpose())];
   const Vec3 up = axes * -face.normal;
-  if (up.z() < kUpright) return false;
+  if (up.z() < f.least_upright()) return false;
   const std::uint32_t stride = (face.vertex_count + kMaxCorners - 1) / kMaxCorners;
   for (std::uint32_t i = 0; i < face.vertex_count; i += stride)
     f.add(centre + axes * h.vertices[h.face_vertices[face.first_vertex + i]]);
@@ -134,13 +133,13 @@ bool find_footprint(const ConvexPart& part, const Vec3& centre, const Mat3& axes
       found = hull_footprint(*part.hull, centre, axes, f);
       break;
     case ShapeKind::kCone:
-      if (along.z() < kUpright) return false;
+      if (along.z() < f.least_upright()) return false;
       add_disc(f, centre + along * s.low, s.radius);
       found = set_plane(f, centre + along * s.low, along);
       break;
     case ShapeKind::kCylinder:
     case ShapeKind::kCapsule:
-      if (s.kind == ShapeKind::kCylinder && std::abs(along.z()) > kUpright) {
+      if (s.kind == ShapeKind::kCylinder && std::abs(along.z()) > f.least_upright()) {
         const Vec3 up = along * std::copysign(1.0F, along.z()), middle = centre - up * s.high;
         add_disc(f, middle, s.radius);
         found = set_plane(f, middle, up);
@@ -565,11 +564,11 @@ void add_springs(const surface::Field& field, const SupportPatch& patch, Support
   }
 }
 
-bool may_be_flat(const Shape& s, const Mat3& axes) {
-  if (s.kind == ShapeKind::kBox) return axes.row(2).cwiseAbs().maxCoeff() > kUpright;
+bool may_be_flat(const Shape& s, const Mat3& axes, float least_upright) {
+  if (s.kind == ShapeKind::kBox) return axes.row(2).cwiseAbs().maxCoeff() > least_upright;
   if (!s.is_axisymmetric()) return true;
   const float along = std::abs(axes(2, 2));
-  return along > kUpright || along < kMaxLineSlope;
+  return along > least_upright || along < kMaxLineSlope;
 }
 
 }  // namespace
@@ -598,7 +597,8 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   const Shape& shape = *bodies.shape[body];
   const Vec3 &centre = bodies.position[body], origin = bodies.origin(body);
   const Mat3& axes = bodies.axes[body];
-  if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
+  const float least_upright = field.has_elastic_tops ? kUprightOnElasticTops : kUpright;
+  if (contacts.size() < 2 || !may_be_flat(shape, axes, least_upright)) return false;
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
   SupportPatch& patch = out.patches.emplace_back();
   patch.body = body;
@@ -616,8 +616,8 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   float plane_z = 0.0F;
   for_each_part(shape, [&](const ConvexPart& part) {
     Footprint f;
-    if (!find_footprint(part, origin, axes, f)) return;
     f.is_on_elastic_tops = patch.is_elastic;
+    if (!find_footprint(part, origin, axes, f)) return;
     // All samples of a patch lie in one plane; feet at other heights keep their contact points. Planes are
     // compared below the centre of mass: those of tilted feet differ elsewhere.
     const float below_centre = f.z_at(centre.x(), centre.y());

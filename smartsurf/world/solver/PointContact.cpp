@@ -28,19 +28,23 @@ void PointContact::prepare(const PointStep& step, const Mat3& other_response) {
   normal_impulse = c.normal_impulse;
   friction_impulse = c.friction_impulse, rolling_impulse = c.rolling_impulse;
   const Mat3 lever = cross_matrix(anchor);
-  const Mat3 body_response = v.inverse_mass * Mat3::Identity() - lever * inverse_inertia * lever;
+  body_response = v.inverse_mass * Mat3::Identity() - lever * inverse_inertia * lever;
+  rigid_mass = 1.0F / normal.dot(body_response * normal);
+  set_response(other_response);
+  rolling_mass = 1.0F / inverse_inertia.trace();
+  const SurfaceMaterial& material = step.material[row];
+  friction = friction_of(material, step.field_material);
+  rolling_friction = rolling_friction_of(material, step.field_material);
+}
+
+void PointContact::set_response(const Mat3& other_response) {
   const Mat3 response = body_response + other_response;
   normal_mass = 1.0F / normal.dot(response * normal);
-  rigid_mass = 1.0F / normal.dot(body_response * normal);
   // This is law::greatest_tangent_response() with std::hypot, which differs from a root of squares in the
   // last bit.
   const Vec3 t = normal.unitOrthogonal(), u = normal.cross(t);
   const float tt = t.dot(response * t), uu = u.dot(response * u), tu = t.dot(response * u);
   tangent_mass = 1.0F / (0.5F * (tt + uu) + std::hypot(0.5F * (tt - uu), tu));
-  rolling_mass = 1.0F / inverse_inertia.trace();
-  const SurfaceMaterial& material = step.material[row];
-  friction = friction_of(material, step.field_material);
-  rolling_friction = rolling_friction_of(material, step.field_material);
 }
 
 Vec3 PointContact::velocity(const PointStep& step) const {

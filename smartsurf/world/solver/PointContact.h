@@ -27,6 +27,7 @@ struct PointContact {
   Vec3 normal, anchor;
   float separation;
   Mat3 inverse_inertia;
+  Mat3 body_response;  // velocity change of the body at the contact per impulse
   float normal_mass, tangent_mass, rolling_mass;
   float rigid_mass;  // normal mass if the other side did not give way
   float friction, rolling_friction;
@@ -37,6 +38,8 @@ struct PointContact {
 
   // `other_response` is the velocity change of the other side per impulse.
   void prepare(const PointStep&, const Mat3& other_response);
+  // Sets the masses; after prepare(), which does so, for another response.
+  void set_response(const Mat3& other_response);
   // Velocity of the body at the contact.
   Vec3 velocity(const PointStep&) const;
   void apply(const Vec3& impulse_on_body, const PointStep&) const;

@@ -25,22 +25,42 @@ float greatest_share(const Vec3& others, const Vec3& own, float limit) {
 
 }  // namespace
 
-Vec3 TipSolver::Tip::deflection_rate() const {
-  // A load that the boundary of the workspace bears does not deflect the tip.
+Vec3 TipSolver::Tip::deflecting_load() const {
   const Vec3 borne = load - normal_load + law::clamp_length(normal_load, max_impulse);
-  return law::clamp_length(borne, kMaxDeflection * max_impulse) * inverse_mass - spring_rate;
+  return law::clamp_length(borne, kMaxDeflection * max_impulse);
+}
+
+Vec3 TipSolver::Tip::deflection_rate() const { return response * deflecting_load() - spring_rate; }
+
+Mat3 TipSolver::Tip::directions_with_load() const {
+  if (!is_loaded) return Mat3::Zero();
+  if (sticks && !is_overloaded) return Mat3::Identity();
+  const Vec3 normal = normal_load.normalized();
+  const Mat3 along = normal * normal.transpose();
+  Mat3 with_load = Mat3::Zero();
+  if (!is_overloaded) with_load += along;
+  if (sticks) with_load += Mat3::Identity() - along;
+  return with_load;
 }
 
 void TipSolver::Tip::begin_substep(float h_s) {
-  const float k = kind->stiffness;
+  const float k = kind->stiffness, c = kind->damping;
   if (!std::isfinite(k)) return;
-  spring_rate = k * (deflection - 0.25F * h_s * rate) / (kind->damping + 0.25F * h_s * k);
+  // What touches an unloaded tip will be its load.
+  const Mat3 trapezoidal = is_loaded ? directions_with_load() : Mat3(Mat3::Identity());
+  const Mat3 implicit = Mat3::Identity() - trapezoidal;
+  const float trapezoidal_damping = c + 0.25F * h_s * k, implicit_damping = c + h_s * k;
+  response = trapezoidal / (h_s * trapezoidal_damping) + implicit / (h_s * implicit_damping);
+  spring_rate = k * (trapezoidal * (deflection - 0.25F * h_s * rate) / trapezoidal_damping +
+                     implicit * deflection / implicit_damping);
 }
 
 Vec3 TipSolver::Tip::rate_in_substep(float h_s) const {
   const float k = kind->stiffness;
-  if (is_loaded || !std::isfinite(k)) return deflection_rate();
-  return deflection * (-k / (kind->damping + h_s * k));
+  if (!std::isfinite(k)) return Vec3::Zero();
+  const Vec3 force = is_loaded ? Vec3(deflecting_load() / h_s) : Vec3(Vec3::Zero());
+  const Vec3 under_given_load = (force - k * deflection) / (kind->damping + h_s * k);
+  return under_given_load + directions_with_load() * (deflection_rate() - under_given_load);
 }
 
 float TipSolver::Tip::room_along(const Vec3& direction) const {
@@ -136,16 +156,16 @@ IndexRange TipSolver::share(const Member& member) const {
 void TipSolver::begin_step(const PointStep& step, IndexRange islands) {
   const float h_s = step.params.h_s;
   for_each_tip(islands, [&](Tip& t) {
-    if (const float k = t.kind->stiffness; std::isfinite(k))
-      t.inverse_mass = 1.0F / (h_s * (t.kind->damping + 0.25F * h_s * k));
     t.max_impulse = t.kind->max_force * h_s;
+    t.begin_substep(h_s);
   });
   for (Point& p : points_of(islands)) {
     Tip& tip = tips_[p.tip];
-    p.prepare(step, tip.inverse_mass * Mat3::Identity());
+    p.prepare(step, tip.response);
     p.apply(p.impulse(), step);
     tip.add_load(-p.impulse(), -p.normal_impulse * p.normal);
   }
+  classify_loads(islands);
 }
 
 Vec3 TipSolver::relative_velocity(const Point& p, const PointStep& step) const {
@@ -187,14 +207,18 @@ void TipSolver::yield(Point& p, float target_speed, const PointStep& step) {
 void TipSolver::solve(const PointStep& step, IndexRange islands) {
   for_each_tip(islands, [&](Tip& t) {
     t.yield_velocity.setZero();
+    const Mat3 last_response = t.response;
     t.begin_substep(step.params.h_s);
+    t.responds_anew = t.response != last_response;
   });
+  for (Point& p : points_of(islands))
+    if (const Tip& t = tips_[p.tip]; t.responds_anew) p.set_response(t.response);
   for (Point& p : points_of(islands)) solve_point(p, p.push_out_speed(tips_[p.tip].moved, step), step);
 }
 
 void TipSolver::relax(const PointStep& step, IndexRange islands) {
   const float h_s = step.params.h_s;
-  mark_loaded_tips(islands);
+  classify_loads(islands);
   for_each_tip(islands, [&](Tip& t) {
     const Vec3 rate = t.rate_in_substep(h_s), held = t.held_velocity + t.yield_velocity;
     t.moved += h_s * (held + rate);
@@ -206,16 +230,25 @@ void TipSolver::relax(const PointStep& step, IndexRange islands) {
     solve_point(p, p.relax_target_speed, step);
     p.total_normal_impulse += p.normal_impulse;
   }
-  mark_loaded_tips(islands);
+  classify_loads(islands);
   for_each_tip(islands, [&](Tip& t) {
-    t.rate = t.rate_in_substep(h_s);
+    t.rate = t.directions_with_load() * t.deflection_rate();
     t.deflection = t.start_deflection + t.moved_deflection;
   });
 }
 
-void TipSolver::mark_loaded_tips(IndexRange islands) {
-  for_each_tip(islands, [](Tip& t) { t.is_loaded = false; });
-  for (const Point& p : points_of(islands)) tips_[p.tip].is_loaded |= p.normal_impulse > 0.0F;
+void TipSolver::classify_loads(IndexRange islands) {
+  constexpr float kAtLimit = 0.9999F;
+  for_each_tip(islands, [](Tip& t) {
+    t.is_loaded = t.sticks = false;
+    t.is_overloaded = t.normal_load.norm() >= kAtLimit * t.max_impulse;
+  });
+  for (const Point& p : points_of(islands)) {
+    if (!(p.normal_impulse > 0.0F)) continue;
+    Tip& t = tips_[p.tip];
+    t.is_loaded = true;
+    t.sticks |= p.friction_impulse.norm() < kAtLimit * p.friction * p.normal_impulse;
+  }
 }
 
 void TipSolver::store(surface::Field& field, ContactList& static_contacts, float dt_s) {

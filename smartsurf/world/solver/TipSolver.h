@@ -6,7 +6,12 @@
 //   J/h = k·(d + h/4·(u' − u)) + c·u',  d' = d + h·u'
 // The load has the velocity u as well, so this is the trapezoidal rule of the load on its spring: it swings
 // without numerical damping at any stiffness. To its contacts the tip is a body of mass M = h·(c + h·k/4). A
-// rigid tip has 1/M = 0. A tip that its load leaves returns by the implicit Euler method, −k·d/(c + h·k).
+// rigid tip has 1/M = 0.
+//
+// No mass moves with the tip where its load leaves it, slides across it, or makes the joints yield: J is then
+// given, and without a load's inertia the trapezoidal rule would swing from substep to substep. Along these
+// directions the tip moves by the implicit Euler method, u' = (J/h − k·d)/(c + h·k), M = h·(c + h·k).
+//
 // When the normal impulses add up to F·h, with the force limit F, the joints yield: the tip moves with its
 // load, until the joints reach the boundary of the workspace, which bears any load. (E. Catto, Soft
 // Constraints, GDC 2011.)
@@ -51,19 +56,27 @@ class TipSolver {
     const surface::CellTip* kind;
     // The position is that at the start of the substep, the velocity that planned for the step.
     Vec3 held_position, held_velocity, deflection;
-    float inverse_mass = 0.0F;  // 1/M
-    Vec3 rate{0, 0, 0};         // u, in the last substep
-    Vec3 spring_rate{0, 0, 0};  // of a loaded tip, what its spring takes off J/M in this substep
+    Vec3 rate{0, 0, 0};           // u, in the last substep, along directions_with_load()
+    Mat3 response{Mat3::Zero()};  // 1/M, in this substep
+    Vec3 spring_rate{0, 0, 0};    // what the spring takes off J/M
     float max_impulse = 0.0F;
     Vec3 load{0, 0, 0}, normal_load{0, 0, 0};  // J, and its part without friction, mass·u/s
     Vec3 yield_velocity{0, 0, 0};              // of the joints, in the substep, u/s
-    bool is_loaded = false;
+    // Whether contacts press on it, friction holds one of them, and their normal impulses reach the limit.
+    bool is_loaded = false, sticks = false, is_overloaded = false;
+    bool responds_anew = false;  // otherwise than in the last substep
     // Motion in the step, u.
     Vec3 start_deflection, moved_deflection{0, 0, 0}, yielded{0, 0, 0}, moved{0, 0, 0};
 
+    // The load without what the boundary of the workspace bears.
+    Vec3 deflecting_load() const;
+    // Of a loaded tip.
     Vec3 deflection_rate() const;
+    // Projects on the directions in which the load moves with the tip: that of the normal load, and those
+    // across it where friction holds.
+    Mat3 directions_with_load() const;
     void begin_substep(float h_s);
-    // Returns the rate of the free return unless the tip is loaded.
+    // Also of a tip that its load has left, or slides across, in this substep.
     Vec3 rate_in_substep(float h_s) const;
     void add_load(const Vec3& impulse, const Vec3& normal_impulse) {
       load += impulse, normal_load += normal_impulse;
@@ -93,7 +106,7 @@ class TipSolver {
     for (std::int32_t k = islands_[islands.begin].first_tip; k < islands_[islands.end].first_tip; ++k)
       each(tips_[tip_order_[k]]);
   }
-  void mark_loaded_tips(IndexRange islands);
+  void classify_loads(IndexRange islands);
   Vec3 relative_velocity(const Point&, const PointStep&) const;
   void add_normal_impulse(Point&, float impulse, const PointStep&);
   // The contact is to separate at least at `target_speed`.
