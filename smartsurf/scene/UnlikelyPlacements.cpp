@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <optional>
 
@@ -155,8 +156,8 @@ PlacementCheck::PlacementCheck(const SurfaceSpec& surface)
 
 std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSpec& o, std::size_t id) const {
   const double diagonal = std::hypot(bounds_.width(), bounds_.height());
-  const double feet = surface_.ground_height(),
-               gap = surface_.pitch - std::max(surface_.pin.top_x, surface_.pin.top_y);
+  const double gap = surface_.pitch - std::max(surface_.pin.top_x, surface_.pin.top_y);
+  const double feet = surface_.ground_height(), hole = std::numbers::sqrt2 * gap;
   if (o.fixed) return std::nullopt;
   const Eigen::Vector3d& p = o.position;
   const double dx = std::max({bounds_.west - p.x(), 0.0, p.x() - bounds_.east}),
@@ -184,10 +185,10 @@ std::optional<PlacementCheck::Mistake> PlacementCheck::operator()(const ObjectSp
   if (is_in_border(surface_, p) && o.velocity.isZero())
     return mistake(Kind::kWalled,
                    fmt::format("is inside the border, which is {:.4g} u high", *surface_.border_height));
-  if (2 * o.half_extents().maxCoeff() < gap && is_solid_)
+  if (2 * o.half_extents().maxCoeff() < hole && is_solid_)
     return mistake(
         Kind::kSmall,
-        fmt::format("is smaller than the gaps of {:.4g} u between the cells and may fall into one", gap));
+        fmt::format("is smaller than the holes of {:.4g} u between four cells and may fall into one", hole));
   return std::nullopt;
 }
 

@@ -33,11 +33,11 @@ class PlacementCheck {
 };
 
 // One line for each kind of mistake, with the first such object and the number of the others: larger than the
-// table; smaller than its gaps; beside the table; below the cells; at least partly inside them, or inside
-// their border; inside another object at the start. Fixed objects, those with joints and those in motion may
-// be anywhere, and objects may touch. Only what certainly overlaps is reported: spheres, boxes and capsules
-// are exact, the other shapes count by what they contain, and only a million of pairs are tested. O(n log n)
-// for objects that are spread over the table.
+// table; smaller than the holes between four cells; beside the table; below the cells; at least partly inside
+// them, or inside their border; inside another object at the start. Fixed objects, those with joints and
+// those in motion may be anywhere, and objects may touch. Only what certainly overlaps is reported: spheres,
+// boxes and capsules are exact, the other shapes count by what they contain, and only a million of pairs are
+// tested. O(n log n) for objects that are spread over the table.
 std::vector<std::string> unlikely_placements(const SceneSpec&);
 
 }  // namespace smartsurf::scene

@@ -238,10 +238,9 @@ void read_tilt(lua_State* L, int index, const std::string& name, scene::SurfaceS
   s.tilt_rad = Eigen::Vector2d(degrees[0], degrees[1]) * std::numbers::pi / 180.0;
 }
 
-// All actuators share one top size: that of the first actuator that sets it, else the default, scaled down
-// for a pitch below 1.
+// All actuators share one top size: that of the first actuator that sets it, else the default, in pitches.
 void set_actuators(const NamedActuators& actuators, scene::SurfaceSpec& s) {
-  const double default_top = scene::PinSpec{}.top_x * std::min(1.0, s.pitch);
+  const double default_top = scene::PinSpec{}.top_x * s.pitch;
   s.pin.top_x = s.pin.top_y = default_top;
   std::vector<double> top{default_top, default_top};
   const auto with_top =

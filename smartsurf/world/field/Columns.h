@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/body/Vec.h"
@@ -20,6 +21,20 @@ inline constexpr float kLeanTolerance = 0.05F;
 inline constexpr float kUpright = 0.9999F, kUprightOnElasticTops = 0.99F;
 // Greatest height difference of level tops, u.
 inline constexpr float kLevelTolerance = 1e-3F;
+
+// The least gap that a body enters, u: as wide as the body, or with a hole between four tops, √2 gaps across,
+// that is as wide as its second least extent.
+inline float least_gap_entered(float least_width, const Vec3& extents) {
+  const float second =
+      std::max(std::min(extents.x(), extents.y()), std::min(std::max(extents.x(), extents.y()), extents.z()));
+  return std::min(least_width, second / std::numbers::sqrt2_v<float>);
+}
+// True if a body passes over a gap between level tops as over a plane: over a small gap that it cannot enter.
+// Other gaps act as they are.
+inline bool is_bridged(float gap, float pitch, float gap_entered) {
+  constexpr float kMaxGap = 0.25F, kRounding = 1e-4F;  // of the pitch
+  return gap <= (kMaxGap + kRounding) * pitch && gap < gap_entered;
+}
 
 // One cell as a bottomless column: its rectangle, extended to the middle of the gap on each bridged side, and
 // its top.
@@ -47,9 +62,8 @@ struct CellRange {
 
 class Columns {
  public:
-  // `width`: of the body, u. Gaps at least that wide are not bridged, so that the body can fall between
-  // cells.
-  Columns(const surface::Field& field, float width)
+  // `gap_entered`: least_gap_entered() of the body, u; 0 for none.
+  explicit Columns(const surface::Field& field, float gap_entered = 0.0F)
       : field_(field),
         height_(field.column_height().data()),
         rows_(field.rows),
@@ -57,11 +71,12 @@ class Columns {
         pitch_(field.pitch),
         half_x_(field.half_top_x),
         half_y_(field.half_top_y),
-        bridges_x_(width > pitch_ - 2.0F * half_x_),
-        bridges_y_(width > pitch_ - 2.0F * half_y_) {}
+        spans_gaps_(gap_entered > pitch_ - 2.0F * std::min(half_x_, half_y_)),
+        bridges_x_(is_bridged(pitch_ - 2.0F * half_x_, pitch_, gap_entered)),
+        bridges_y_(is_bridged(pitch_ - 2.0F * half_y_, pitch_, gap_entered)) {}
 
-  // True if the body is wider than the gaps.
-  bool bridges_gaps() const { return bridges_x_ && bridges_y_; }
+  // True if the body cannot enter the gaps, bridged or not.
+  bool spans_gaps() const { return spans_gaps_; }
   // Cells whose bridged columns can touch the rectangle.
   CellRange cells_covering(float x_low, float x_high, float y_low, float y_high) const {
     const float inverse = 1.0F / pitch_;
@@ -116,7 +131,7 @@ class Columns {
   const float* height_;
   int rows_, columns_;
   float pitch_, half_x_, half_y_;
-  bool bridges_x_, bridges_y_;
+  bool spans_gaps_, bridges_x_, bridges_y_;
 };
 
 // Signed distance to the column's surface and direction of escape for a point inside the column's rectangle:

@@ -432,8 +432,7 @@ class PartOnField {
     if (!closest.separated || closest.distance - proxy_.convex_radius - kColumnConvexRadius > margin_ ||
         !(n.dot(axis.normal) > 0.9F)) {
       const Vec3 deepest = proxy_.sharp_support(-axis.normal) - axis.separation * axis.normal;
-      candidate.is_apart_twice = closest.separated && columns_.bridges_gaps() &&
-                                 !is_near(p.column, deepest) &&
+      candidate.is_apart_twice = closest.separated && columns_.spans_gaps() && !is_near(p.column, deepest) &&
                                  n.dot(proxy_.sharp_support(-n)) - p.column.max_projection(n) >
                                      std::max(axis.separation, kTolerance);
       // The level neighbour is closer, and bears.
@@ -531,6 +530,11 @@ class PartOnField {
   Candidates& candidates_ = empty_candidates();
 };
 
+float gap_entered_by(const ConvexPart& part) {
+  if (!part.hull) return least_gap_entered(part.shape.width, 2.0F * part.shape.half_extents);
+  return least_gap_entered(part.hull->width, part.hull->hull->bounds_max - part.hull->hull->bounds_min);
+}
+
 // Calls visit(part_on_field) for the convex parts of a shape, unless the shape is above all cells under it. A
 // part that is narrower than the gaps enters them, however wide the shape is.
 template <class Visit>
@@ -542,7 +546,7 @@ void for_each_part_on_field(const Columns& columns, const Shape& shape, const Ve
                                                  centre.y() - extent.y(), centre.y() + extent.y());
   if (centre.z() - extent.z() > columns.max_height(cells)) return;
   for_each_part(shape, [&](const ConvexPart& part) {
-    const Columns columns_of_part(columns.field(), part.hull ? part.hull->width : shape.width);
+    const Columns columns_of_part(columns.field(), gap_entered_by(part));
     PartOnField part_on_field(columns_of_part, part, centre, axes, margin);
     visit(part_on_field);
   });
@@ -562,7 +566,7 @@ float lowest_point(const Shape& shape, const Vec3& centre, const Mat3& axes) {
 
 void collide_shape_with_field(const surface::Field& field, const Shape& shape, const Vec3& centre,
                               const Mat3& axes, float margin, std::vector<Contact>& out) {
-  const Columns columns(field, shape.width);
+  const Columns columns(field);
   const float lowest = lowest_point(shape, centre, axes);
   const auto take = [&](const ManifoldCandidate& c) {
     if (rides_up(c.normal, field.column_height()[c.tag], lowest)) return;
@@ -593,7 +597,7 @@ void append_reduced(std::span<const Contact> contacts, std::vector<Contact>& out
 
 void collect_field_candidates(const surface::Field& field, const Shape& shape, const Vec3& centre,
                               const Mat3& axes, float margin, std::vector<FieldCandidate>& out) {
-  const Columns columns(field, shape.width);
+  const Columns columns(field);
   int part_index = 0;
   for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
     Candidates& candidates = part_on_field.search();

@@ -55,7 +55,7 @@ void FieldCollider::collide_with_pin_below(const Shape& shape, const Vec3& centr
 bool FieldCollider::may_overlap(const Vec3& low, const Vec3& high) const {
   if (low.z() > field_.max_height) return false;
   if (free_layout_ || has_skin_or_tips()) return true;
-  const Columns columns(field_, 0.0F);
+  const Columns columns(field_);
   return low.z() <= columns.max_height(columns.cells_covering(low.x(), high.x(), low.y(), high.y()));
 }
 

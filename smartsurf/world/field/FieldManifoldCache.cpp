@@ -196,7 +196,7 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
     chunk_cache.manifolds.pop_back();
   }
   const Vec3 centre = bodies.origin(i);
-  const Columns columns(field_, bodies.width[i]);
+  const Columns columns(field_);
   const float wide_margin = margin + max_travel(bodies, i);
   const Vec3 extent =
       turned_extents(bodies.axes[i], bodies.shape[i]->half_extents) + Vec3::Constant(wide_margin);
@@ -217,7 +217,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, const Ma
                                 float slip_limit, std::span<const Contact> previous,
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
-  const Columns columns(field_, bodies.width[i]);
+  const Columns columns(field_);
   const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
   const float lowest = lowest_point(*bodies.shape[i], centre, axes);

@@ -1,5 +1,7 @@
 #include "smartsurf/world/field/SphereOnField.h"
 
+#include <numbers>
+
 #include "smartsurf/world/field/SphereManifoldReducer.h"
 
 namespace smartsurf::world {
@@ -49,7 +51,7 @@ void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, 
                                std::vector<Contact>& out) {
   const float reach = radius + margin;
   if (centre.z() - reach > field.max_height) return;
-  const Columns columns(field, 2.0F * radius);
+  const Columns columns(field, std::numbers::sqrt2_v<float> * radius);
   const CellRange cells =
       columns.cells_covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
   const float half_pitch = 0.5F * columns.pitch(), reach_squared = reach * reach;

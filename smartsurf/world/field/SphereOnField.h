@@ -1,8 +1,9 @@
 // Contacts of a sphere with the field, in closed form.
 //
-// A cell is a bottomless column with a rectangular top. Neighbours with level tops are bridged: each owns
-// half of the gap, and no contact normal may lean over a bridged side. A level field is one flat plane
-// without internal edges; a sphere too small to bridge a gap falls into it.
+// A cell is a bottomless column with a rectangular top. Neighbours with level tops are bridged across
+// a small gap (Columns.h): each owns half of it, and no contact normal may lean over a bridged side. A level
+// field is then one flat plane without internal edges. A sphere rests on the edges of wider gaps, or falls
+// into them.
 #pragma once
 
 #include <vector>

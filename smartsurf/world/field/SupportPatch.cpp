@@ -37,6 +37,7 @@ struct Footprint {
   float z = 0.0F, slope_x = 0.0F, slope_y = 0.0F;  // z + slope_x·(x − corner[0].x) + …
   float west = 0, east = 0, south = 0, north = 0;
   bool is_on_elastic_tops = false;
+  float gap_entered = 0.0F;  // by the part, u
 
   float least_upright() const { return is_on_elastic_tops ? kUprightOnElasticTops : kUpright; }
   bool is_line() const { return count == 2; }
@@ -122,6 +123,7 @@ bool find_footprint(const ConvexPart& part, const Vec3& centre, const Mat3& axes
   const Shape& s = part.shape;
   const Vec3 along = axes.col(2);
   f.count = 0;
+  f.gap_entered = least_gap_entered(s.width, 2.0F * s.half_extents);
   bool found = false;
   switch (s.kind) {
     case ShapeKind::kSphere:
@@ -266,10 +268,14 @@ bool share_polygon(const Footprint& f, float separation, const Point2* corner, i
 class FootprintOnCells {
  public:
   FootprintOnCells(const surface::Field& field, const Footprint& f) : f_(f) {
-    // A line over a gap between level cells lies on their bridged tops.
-    const bool bridges = f.is_line() && field.is_rectangular();
-    half_x_ = bridges ? 0.5F * field.pitch : field.half_top_x;
-    half_y_ = bridges ? 0.5F * field.pitch : field.half_top_y;
+    // A line over a bridged gap lies on the extended tops.
+    const auto half = [&](float half_top) {
+      const bool bridges = f.is_line() && field.is_rectangular() &&
+                           is_bridged(field.pitch - 2.0F * half_top, field.pitch, f.gap_entered);
+      return bridges ? 0.5F * field.pitch : half_top;
+    };
+    half_x_ = half(field.half_top_x);
+    half_y_ = half(field.half_top_y);
     if (f.is_line()) return;
     float area = 0.0F;
     for (int i = 0; i < f.count; ++i) {
@@ -375,7 +381,7 @@ void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& cent
 // Adds the samples of one footprint, by ascending cell.
 void add_samples(const surface::Field& field, const Footprint& f, const Vec3& centre,
                  const BearingContacts& bearing, std::vector<Sample>& out) {
-  const Columns columns(field, 0.0F);
+  const Columns columns(field);
   const CellRange cells = columns.cells_covering(f.west, f.east, f.south, f.north);
   const FootprintOnCells on_cells(field, f);
   for (int r = cells.row_begin; r < cells.row_end; ++r)

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 namespace smartsurf::scene {
@@ -117,8 +118,9 @@ TEST(UnlikelyPlacements, TellsOfCellsBorderAndGaps) {
                in_border = !in_cells && z >= s.pin.min_height && z < 3.0 && at_border;
     EXPECT_EQ(tells(scene, "inside the cells"), in_cells) << x << ' ' << y << ' ' << z;
     EXPECT_EQ(tells(scene, "is inside the border"), in_border) << x << ' ' << y << ' ' << z;
-    const bool falls = z >= s.pin.min_height && !in_cells && !in_border && 2 * radius < 0.25;
-    EXPECT_EQ(tells(scene, "is smaller than the gaps"), falls) << radius;
+    const bool falls =
+        z >= s.pin.min_height && !in_cells && !in_border && 2 * radius < 0.25 * std::numbers::sqrt2;
+    EXPECT_EQ(tells(scene, "is smaller than the holes"), falls) << radius;
     among += in_cells, walled += in_border, small += falls;
   }
   EXPECT_GT(among, 100);

@@ -112,7 +112,7 @@ TEST_F(DeclarationTest, DefaultTopFitsPitch) {
   const auto top = [&](const char* text) { return load(text).scene().surface.pin.top_x; };
   EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 0.5}"), 0.4);
   EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 0.5, actuator = ball{}}"), 0.4);
-  EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 2, actuator = ball{}}"), 0.8);
+  EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 2, actuator = ball{}}"), 1.6);
   EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 2, actuators = {p = pin{}, b = ball{top = 1.5}}, "
                 "cells = {'pb'}}"),
             1.5);
