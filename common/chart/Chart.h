@@ -9,18 +9,12 @@
 #include <vector>
 
 #include "common/axis/Axis.h"
+#include "common/color/LineColours.h"
 
 namespace common {
 
-struct Rgba {
-  double r, g, b, a = 1.0;
-};
 constexpr Rgba kBlack{0.13, 0.13, 0.13}, kGreyPen{0.45, 0.45, 0.45}, kLightGreyPen{0.88, 0.88, 0.88},
     kWhite{1, 1, 1};
-// Line colours for colour-blind readers (Okabe and Ito), and a grey.
-constexpr Rgba kLineColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
-                                 {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
-                                 {0.35, 0.35, 0.35}};
 
 enum class Align { kLeft, kCentre, kRight };
 

@@ -15,6 +15,7 @@
 #include "common/hash/Fnv.h"
 #include "smartsurf/extension/PluginActuator.h"
 #include "smartsurf/extension/PluginSensor.h"
+#include "smartsurf/scene/ChannelName.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/surface/actuators/ActuatorRegistry.h"
 #include "smartsurf/surface/sensors/SensorRegistry.h"
@@ -23,9 +24,7 @@ namespace smartsurf::extension {
 namespace {
 
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
-constexpr std::size_t kMaxNameLength = 27;  // as of sensors: the channels' names have a suffix
-constexpr std::size_t kMaxUnitLength = 15;  // of the shared-memory protocol
-constexpr double kMaxHeight = 1e6;          // u, as of all coordinates
+constexpr double kMaxHeight = 1e6;  // u, as of all coordinates
 
 std::string hash_of(std::string_view content) {
   std::array<char, 17> text;
@@ -35,7 +34,7 @@ std::string hash_of(std::string_view content) {
 
 bool is_identifier(std::string_view name) {
   const auto is_part = [](unsigned char c) { return c < 0x80 && (std::isalnum(c) != 0 || c == '_'); };
-  return !name.empty() && name.size() <= kMaxNameLength &&
+  return !name.empty() && name.size() <= scene::kMaxSensorNameLength &&
          std::isdigit(static_cast<unsigned char>(name[0])) == 0 && std::ranges::all_of(name, is_part);
 }
 
@@ -133,7 +132,8 @@ void require_complete(const Type& type, const std::string& subject) {
     throw common::UserError(subject + ": must have 1 to 32 channels");
   std::vector<std::string> names;
   for (const smartsurf_plugin_channel& channel : read_array(type.channels, type.channel_count, subject)) {
-    if (channel.name == nullptr || channel.unit == nullptr || std::strlen(channel.unit) > kMaxUnitLength)
+    if (channel.name == nullptr || channel.unit == nullptr ||
+        std::strlen(channel.unit) > scene::kMaxChannelUnitLength)
       throw common::UserError(subject + ": a channel has no name, or no unit of at most 15 bytes");
     const std::string name = std::string(is_sensor<Type> ? type.name : "") + channel.name;
     if (!scene::is_channel_name(name) || std::ranges::find(names, name) != names.end())

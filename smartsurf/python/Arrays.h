@@ -10,13 +10,15 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/scene/NamedValues.h"
+
 namespace smartsurf::python {
 
 namespace py = pybind11;
 
 template <class T>
 using Array = py::array_t<T, py::array::c_style>;
-using Metrics = std::vector<std::pair<std::string, double>>;
+using scene::Metrics;
 
 template <class T>
 std::span<T> writable(Array<T>& array) {

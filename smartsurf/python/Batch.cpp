@@ -257,7 +257,7 @@ class Batch {
 }  // namespace
 
 void bind_batch(py::module_& m) {
-  using Overrides = std::vector<std::pair<std::string, std::string>>;
+  using scene::Overrides;
   py::class_<Batch>(m, "Batch")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
                        const std::vector<std::uint64_t>& seeds, int threads, int autoreset,

@@ -39,7 +39,7 @@ PYBIND11_MODULE(_core, m) {
   m.def("next_seed", &simulation::next_seed);
   m.def("draw_uniform", &draw_uniform);
 
-  using Overrides = std::vector<std::pair<std::string, std::string>>;
+  using scene::Overrides;
   m.def("option_values", [](std::string experiment, Overrides overrides, std::optional<std::string> source) {
     return option_values(Environment(
         make_options(std::move(experiment), "", std::move(overrides), std::nullopt, 1, std::move(source)),

@@ -2,8 +2,7 @@
 
 namespace smartsurf::python {
 
-EnvironmentOptions make_options(std::string experiment, std::string engine,
-                                std::vector<std::pair<std::string, std::string>> overrides,
+EnvironmentOptions make_options(std::string experiment, std::string engine, scene::Overrides overrides,
                                 std::optional<std::uint64_t> seed, int threads,
                                 std::optional<std::string> source) {
   EnvironmentOptions options;

@@ -10,14 +10,14 @@
 
 #include "common/controller/Controller.h"
 #include "smartsurf/python/Arrays.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/simulation/Environment.h"
 
 namespace smartsurf::python {
 
 using simulation::EnvironmentOptions;
 
-EnvironmentOptions make_options(std::string experiment, std::string engine,
-                                std::vector<std::pair<std::string, std::string>> overrides,
+EnvironmentOptions make_options(std::string experiment, std::string engine, scene::Overrides overrides,
                                 std::optional<std::uint64_t> seed, int threads,
                                 std::optional<std::string> source);
 

@@ -14,7 +14,7 @@
 namespace smartsurf::python {
 
 void bind_simulation(py::module_& m) {
-  using Overrides = std::vector<std::pair<std::string, std::string>>;
+  using scene::Overrides;
   py::class_<Simulation>(m, "Simulation")
       .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
                        std::optional<std::uint64_t> seed, int threads, std::optional<std::string> source) {

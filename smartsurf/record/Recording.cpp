@@ -295,23 +295,36 @@ std::span<const float> Recording::read_inputs(std::size_t tick) const {
   return contents_->translate_errors([&] { return contents_->inputs->read_row(tick); });
 }
 
-std::vector<std::string> Recording::channel_names(const std::string& group) const {
+std::string to_string(ChannelGroup group) {
+  switch (group) {
+    case ChannelGroup::kSensors:
+      return paths::kSensors;
+    case ChannelGroup::kActuators:
+      return paths::kActuators;
+    case ChannelGroup::kRegisters:
+      return paths::kRegisters;
+  }
+  return "";
+}
+
+std::vector<std::string> Recording::channel_names(ChannelGroup group) const {
+  const std::string folder = "/" + to_string(group) + "/";
   std::vector<std::string> names;
   for (const DatasetInfo& dataset : datasets())
-    if (dataset.name.starts_with("/" + group + "/") && dataset.extents.size() >= 3)
-      names.push_back(dataset.name.substr(group.size() + 2));
+    if (dataset.name.starts_with(folder) && dataset.extents.size() >= 3)
+      names.push_back(dataset.name.substr(folder.size()));
   return names;
 }
 
-std::vector<float> Recording::read_channel(const std::string& group, const std::string& name,
+std::vector<float> Recording::read_channel(ChannelGroup group, const std::string& name,
                                            std::size_t frame) const {
   return contents_->translate_errors(
-      [&] { return contents_->read_channel_frame(group + "/" + name, frame); });
+      [&] { return contents_->read_channel_frame(to_string(group) + "/" + name, frame); });
 }
 
-Recording::ChannelInfo Recording::channel_info(const std::string& group, const std::string& name) const {
+Recording::ChannelInfo Recording::channel_info(ChannelGroup group, const std::string& name) const {
   return contents_->translate_errors([&] {
-    const Handle dataset = open_dataset(contents_->file, group + "/" + name);
+    const Handle dataset = open_dataset(contents_->file, to_string(group) + "/" + name);
     ChannelInfo info;
     archive_channel(AttributeReader(dataset), info);
     return info;
@@ -362,15 +375,15 @@ std::vector<double> Recording::read_metric(const std::string& name) const {
   });
 }
 
-std::size_t Recording::channel_components(const std::string& group, const std::string& name) const {
-  const auto channel = std::ranges::find(datasets(), "/" + group + "/" + name, &DatasetInfo::name);
+std::size_t Recording::channel_components(ChannelGroup group, const std::string& name) const {
+  const auto channel = std::ranges::find(datasets(), "/" + to_string(group) + "/" + name, &DatasetInfo::name);
   return channel != datasets().end() && channel->extents.size() == 4 ? channel->extents[3] : 1;
 }
 
-std::vector<float> Recording::read_cell_history(const std::string& group, const std::string& name, int row,
+std::vector<float> Recording::read_cell_history(ChannelGroup group, const std::string& name, int row,
                                                 int column) const {
   return contents_->translate_errors([&] {
-    const std::string full_name = group + "/" + name;
+    const std::string full_name = to_string(group) + "/" + name;
     const Handle dataset = open_dataset(contents_->file, full_name);
     const std::vector<hsize_t> stored = extents(dataset);
     std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column)},

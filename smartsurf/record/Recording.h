@@ -24,6 +24,12 @@ namespace smartsurf::record {
 
 struct PuritySeries;
 
+// The groups of a recording that hold channels of cells.
+enum class ChannelGroup { kSensors, kActuators, kRegisters };
+inline constexpr std::array kChannelGroups = {ChannelGroup::kSensors, ChannelGroup::kActuators,
+                                              ChannelGroup::kRegisters};
+std::string to_string(ChannelGroup);  // its name in the file
+
 // Address space for reading the file: HDF5 1.10 allocates the length that a text has by its reference, up to
 // 4 GiB, before it looks for the text.
 std::size_t memory_to_read(const std::filesystem::path& path);
@@ -96,15 +102,15 @@ class Recording {
   // actuator states are empty if !has_motion(), the skin's heights without one. Reading frames in ascending
   // order is the cheapest.
   scene::Snapshot read_snapshot(std::size_t frame) const;
-  std::vector<std::string> channel_names(const std::string& group) const;  // "sensors" or "actuators"
+  std::vector<std::string> channel_names(ChannelGroup group) const;
   // One frame of a channel, rows × columns × components, row-major.
-  std::vector<float> read_channel(const std::string& group, const std::string& name, std::size_t frame) const;
+  std::vector<float> read_channel(ChannelGroup group, const std::string& name, std::size_t frame) const;
   // Unknown in recordings of older versions.
-  ChannelInfo channel_info(const std::string& group, const std::string& name) const;
+  ChannelInfo channel_info(ChannelGroup group, const std::string& name) const;
   // How many numbers a cell of the channel has.
-  std::size_t channel_components(const std::string& group, const std::string& name) const;
+  std::size_t channel_components(ChannelGroup group, const std::string& name) const;
   // The channel at one cell: frames × components.
-  std::vector<float> read_cell_history(const std::string& group, const std::string& name, int row,
+  std::vector<float> read_cell_history(ChannelGroup group, const std::string& name, int row,
                                        int column) const;
   std::vector<std::string> metric_names() const;
   // One value per frame; NaN before the script first set it.

@@ -152,7 +152,7 @@ std::string frames_text(const Recording& recording) {
 }
 
 std::string sensors_text(const Recording& recording) {
-  const std::string names = common::join(recording.channel_names("sensors"));
+  const std::string names = common::join(recording.channel_names(ChannelGroup::kSensors));
   return names.empty() ? "none recorded" : names;
 }
 

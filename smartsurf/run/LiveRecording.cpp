@@ -19,6 +19,7 @@
 #include "common/text/Printable.h"
 #include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/hdf5/Names.h"
 
 namespace smartsurf::run {
 namespace {
@@ -29,6 +30,8 @@ using shm_protocol::Direction;
 using shm_protocol::ObserverEndpoint;
 using shm_protocol::Status;
 using std::chrono::steady_clock;
+
+namespace live = record::paths::live;
 
 constexpr std::uint64_t kUnknown = std::numeric_limits<std::uint64_t>::max();
 
@@ -181,7 +184,7 @@ class Boards {
     }
   }
   void append(std::vector<record::LiveRow>& rows) const {
-    for (const Channel& c : channels_) rows.push_back({"boards", c.name, c.words, c.reals});
+    for (const Channel& c : channels_) rows.push_back({live::kBoards, c.name, c.words, c.reals});
   }
 
  private:
@@ -307,11 +310,11 @@ class LiveRecording {
     set_heights();
     boards_.read(snapshot_.tick);
     const std::uint64_t status = status_;
-    std::vector<record::LiveRow> rows{{"clock", "host_ns", {&seen_ns_, 1}, {}},
-                                      {"answers", "tick", {&answered_tick_, 1}, {}},
-                                      {"answers", "latency_us", {}, {&latency_us_, 1}},
-                                      {"", "status", {&status, 1}, {}},
-                                      {"", "lost", {&lost_, 1}, {}}};
+    std::vector<record::LiveRow> rows{{record::paths::kClock, live::kHostTime, {&seen_ns_, 1}, {}},
+                                      {live::kAnswers, live::kAnsweredTick, {&answered_tick_, 1}, {}},
+                                      {live::kAnswers, live::kLatency, {}, {&latency_us_, 1}},
+                                      {live::kRoot, live::kStatus, {&status, 1}, {}},
+                                      {live::kRoot, live::kLost, {&lost_, 1}, {}}};
     boards_.append(rows);
     recorder_->record_live(rows);
     recorder_->record_frame(snapshot_, {}, sensors_.data(), actuators_.data());

@@ -22,6 +22,7 @@
 #include "smartsurf/run/output/MediaWriter.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/output/Stats.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/UnlikelyPlacements.h"
 #include "smartsurf/simulation/Simulation.h"
 
@@ -56,7 +57,7 @@ class Run {
   // handlers, after the recordings are closed.
   int execute();
   // The values of the script's metric().
-  const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_.metrics(); }
+  const scene::Metrics& metrics() const { return experiment_.metrics(); }
   // After execute(): the next run if the user asked for a restart.
   std::optional<Restart> take_restart();
   // After execute(): the recording that the user opened instead, or "".

@@ -4,11 +4,17 @@
 #include <cmath>
 #include <utility>
 
+#include "shm_protocol/layout.h"
+#include "smartsurf/scene/ChannelName.h"
+
 namespace smartsurf::run {
 namespace {
 
 // Actuator frames of at least this many bytes are received in chunks.
 constexpr std::size_t kMinStreamedBytes = 64 * 1024;
+
+static_assert(sizeof(ssp_channel::name) == scene::kMaxChannelNameLength + 1 &&
+              sizeof(ssp_channel::unit) == scene::kMaxChannelUnitLength + 1);
 
 // Empty for a regular grid at height 0; else x, y and base height of each cell, u.
 std::vector<std::array<float, 3>> cell_positions(const scene::SurfaceSpec& surface) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/scene/ChannelName.h"
+
 namespace smartsurf::scene {
 namespace {
 
@@ -29,7 +31,7 @@ SensorSpec SensorKind::default_spec() const {
 }
 
 bool is_channel_name(std::string_view name) {
-  return !name.empty() && name.size() <= 31 && name[0] != '.' &&
+  return !name.empty() && name.size() <= kMaxChannelNameLength && name[0] != '.' &&
          name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") ==
              std::string_view::npos;
 }

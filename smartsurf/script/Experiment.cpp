@@ -340,9 +340,7 @@ const scene::SceneSpec& Experiment::scene() const { return impl_->session.spec; 
 scene::SceneSpec& Experiment::mutable_scene() { return impl_->session.spec; }
 const std::vector<scene::Variation>& Experiment::variations() const { return impl_->session.vary; }
 
-const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
-  return impl_->session.metrics;
-}
+const scene::Metrics& Experiment::metrics() const { return impl_->session.metrics; }
 
 const std::vector<std::string>& Experiment::events() const { return impl_->events; }
 

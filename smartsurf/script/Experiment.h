@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/state/StateArchive.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Variation.h"
 #include "smartsurf/script/LoadOptions.h"
@@ -41,7 +42,7 @@ class Experiment {
   const std::vector<scene::Variation>& variations() const;
 
   // The values that the script has passed to metric(name, value), by name, in order of first use.
-  const std::vector<std::pair<std::string, double>>& metrics() const;
+  const scene::Metrics& metrics() const;
 
   // The callbacks of at() that the latest tick() ran, as "FILE:LINE" of their registration. Valid until the
   // next tick().

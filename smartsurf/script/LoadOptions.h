@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/process/StopSignals.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/SolidFactory.h"
 
 namespace smartsurf::script {
@@ -21,7 +22,7 @@ namespace smartsurf::script {
 struct LoadOptions {
   // --set name=value, in order; the last assignment to a name wins. vary.NAME=RANGE adds a nuisance or takes
   // the place of the script's, as --vary NAME=RANGE does.
-  std::vector<std::pair<std::string, std::string>> overrides;
+  scene::Overrides overrides;
   // --seed; overrides world.seed.
   std::optional<std::uint64_t> seed;
   // --engine; overrides world.engine.

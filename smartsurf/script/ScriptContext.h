@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Variation.h"
 #include "smartsurf/script/EventQueue.h"
@@ -79,7 +80,7 @@ struct ScriptContext : Sandbox {
   // Calls of pace and pause while loading; run by Experiment::start.
   std::vector<std::function<void(SimulationInterface&)>> deferred_requests;
 
-  std::vector<std::pair<std::string, double>> metrics;  // in order of first use
+  scene::Metrics metrics;  // in order of first use
   struct MetricFunction {
     std::ptrdiff_t metric;  // index into `metrics`
     int callback;

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/simulation/ControllerLink.h"
 #include "smartsurf/simulation/SceneParameter.h"
 #include "smartsurf/simulation/Simulation.h"
@@ -23,10 +24,10 @@
 namespace smartsurf::simulation {
 
 struct EnvironmentOptions {
-  std::string experiment;                                      // path of the script
-  std::optional<std::string> source;                           // its text; nullopt: read the file
-  std::vector<std::pair<std::string, std::string>> overrides;  // --set name=value
-  std::optional<std::uint64_t> seed;                           // of the first episode; nullopt: the script's
+  std::string experiment;             // path of the script
+  std::optional<std::string> source;  // its text; nullopt: read the file
+  scene::Overrides overrides;         // --set name=value
+  std::optional<std::uint64_t> seed;  // of the first episode; nullopt: the script's
   std::optional<std::string> engine;
   int threads = 1;
   std::optional<std::uint64_t> max_ticks;  // after which an episode is truncated, besides episode.seconds
@@ -138,7 +139,7 @@ class Environment {
   std::vector<script::Experiment::InfoField> info_fields() const { return info_fields(*experiment_); }
   // Their values, one after the other.
   void info(std::span<double> values);
-  const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_->metrics(); }
+  const scene::Metrics& metrics() const { return experiment_->metrics(); }
 
   // The readings of the surface's observed_channels(), one after the other, each components × rows × columns.
   std::size_t observation_size() const;

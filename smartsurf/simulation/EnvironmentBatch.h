@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/simulation/Environment.h"
 
 namespace smartsurf::simulation {
@@ -70,7 +71,7 @@ class EnvironmentBatch {
   // of one is wrong. If only some worlds cannot start, they have error(), and fail in their first step.
   // Throws also if worlds differ in the surface, the channels or the fields of info{}.
   // `overrides`: besides those of the options, for each world, or empty.
-  using Overrides = std::vector<std::pair<std::string, std::string>>;
+  using Overrides = scene::Overrides;
   EnvironmentBatch(EnvironmentOptions options, std::span<const std::uint64_t> seeds, int threads,
                    Autoreset autoreset, std::span<const Overrides> overrides = {});
   ~EnvironmentBatch();
@@ -130,14 +131,12 @@ class EnvironmentBatch {
   Environment& mutable_world(int index) { return *worlds_[index].environment; }
 
   // The metrics of the last episode that ended in the world.
-  const std::vector<std::pair<std::string, double>>& final_metrics(int index) const {
-    return worlds_[index].final_metrics;
-  }
+  const scene::Metrics& final_metrics(int index) const { return worlds_[index].final_metrics; }
 
  private:
   struct World : WorldStatus {
     std::unique_ptr<Environment> environment;
-    std::vector<std::pair<std::string, double>> final_metrics;
+    scene::Metrics final_metrics;
     // Address of the episode's simulation, for the prefetch. The thread of the world before may read it while
     // a reset moves it.
     std::atomic<const std::byte*> simulation = nullptr;

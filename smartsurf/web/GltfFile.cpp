@@ -35,7 +35,6 @@ constexpr std::uint32_t kGlbMagic = 0x46546C67, kGlbVersion = 2, kJsonChunk = 0x
 constexpr int kSegments = 32;  // of round shapes
 constexpr float kMoveTolerance = 0.001F, kPinTolerance = 0.002F, kTurnTolerance = 0.001F,
                 kScaleTolerance = 0.002F;
-constexpr double kPinColour[] = {0.55, 0.57, 0.6};  // linear light
 
 // One animated property of a node: a value of N components for each frame.
 template <std::size_t N>
@@ -212,8 +211,8 @@ class GltfFile {
   std::string binary_;
 };
 
-std::array<double, 4> linear_colour(const scene::Colour& colour) {
-  const view::Rgb linear = view::linear_light({colour.r, colour.g, colour.b});
+std::array<double, 4> linear_colour(const view::Rgb& colour) {
+  const view::Rgb linear = view::linear_light(colour);
   return {linear[0], linear[1], linear[2], 1.0};
 }
 
@@ -244,7 +243,7 @@ int add_object_mesh(GltfFile& file, const scene::ObjectSpec& object) {
   }
   static constexpr const char* kNames[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
   return file.add_mesh(kNames[static_cast<int>(object.shape)], positions, normals, {}, mesh.indices,
-                       file.material(linear_colour(object.colour)));
+                       file.material(linear_colour({object.colour.r, object.colour.g, object.colour.b})));
 }
 
 // Poses of one object in all frames; where it does not exist, that of the last frame in which it did.
@@ -303,7 +302,8 @@ void add_objects(GltfFile& file, const Recording& recording, const std::vector<s
 // ---- the table
 
 // A box with the pin's edges, its top at z = 0.
-int add_pin_mesh(GltfFile& file, const scene::SurfaceSpec& s, const char* name, double length) {
+int add_pin_mesh(GltfFile& file, const scene::SurfaceSpec& s, const char* name, double length,
+                 const view::Rgb& colour) {
   const view::Mesh mesh = view::box_mesh();
   std::vector<float> positions, normals;
   const auto [half_x, half_y] = view::prism_half_edges(s);
@@ -322,8 +322,7 @@ int add_pin_mesh(GltfFile& file, const scene::SurfaceSpec& s, const char* name, 
       normals.insert(normals.end(), facing.begin(), facing.end());
     }
   }
-  return file.add_mesh(name, positions, normals, {}, indices,
-                       file.material({kPinColour[0], kPinColour[1], kPinColour[2], 1.0}));
+  return file.add_mesh(name, positions, normals, {}, indices, file.material(linear_colour(colour)));
 }
 
 // recess: of the same frame, because it follows the mechanism and the skin.
@@ -337,10 +336,11 @@ std::vector<float> drawn_tops(std::span<const float> heights, std::span<const fl
 
 // tops: z of the pins as they are drawn, of each frame, row-major.
 void add_pins(GltfFile& file, const scene::SurfaceSpec& s, const std::vector<std::vector<float>>& tops) {
-  const int pin = add_pin_mesh(file, s, "pin", s.pin.length);
+  const int pin = add_pin_mesh(file, s, "pin", s.pin.length, view::kHighestPinColour);
   // The border stands on the level of the lowest pin's foot.
   const int wall = s.border_height
-                       ? add_pin_mesh(file, s, "wall", *s.border_height - s.pin.min_height + s.pin.length)
+                       ? add_pin_mesh(file, s, "wall", *s.border_height - s.pin.min_height + s.pin.length,
+                                      view::kBorderColour)
                        : pin;
   for (int row = 0; row < s.rows; ++row)
     for (int column = 0; column < s.columns; ++column) {
@@ -378,7 +378,8 @@ int add_part_mesh(GltfFile& file, const view::InstancedMesh& part, const view::M
 }
 
 // The axes of an instance as a rotation and the lengths of the axes, the first one mirrored where they are
-// left-handed. A part without a size keeps its last rotation.
+// left-handed. A node cannot be sheared as a leaning plume is: its z axis is kept. A part without a size
+// keeps its last rotation.
 void add_pose(const view::MeshInstance* instance, ObjectTracks& tracks) {
   if (!instance) {
     tracks.add(tracks.position.values.back(), tracks.orientation.values.back(), false);
@@ -391,8 +392,13 @@ void add_pose(const view::MeshInstance* instance, ObjectTracks& tracks) {
   Eigen::Vector3f lengths = axes.colwise().norm().transpose();
   const bool is_flat = lengths.minCoeff() < 1e-6F;
   if (axes.determinant() < 0) lengths.x() = -lengths.x();
-  const Eigen::Matrix3f rotation =
-      is_flat ? Eigen::Matrix3f::Identity() : Eigen::Matrix3f(axes * lengths.cwiseInverse().asDiagonal());
+  Eigen::Matrix3f rotation = Eigen::Matrix3f::Identity();
+  if (!is_flat) {
+    const Eigen::Vector3f z = axes.col(2) / lengths.z(), x = axes.col(0) / lengths.x();
+    rotation.col(0) = (x - x.dot(z) * z).normalized();
+    rotation.col(1) = z.cross(rotation.col(0));
+    rotation.col(2) = z;
+  }
   const Eigen::Quaternionf q(rotation);
   const bool is_kept = is_flat && !tracks.orientation.values.empty();
   tracks.add(instance->centre,

@@ -9,6 +9,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 #include <span>
 
 #include "common/files/AtomicFile.h"
@@ -28,11 +29,12 @@ using record::Recording;
 
 constexpr std::size_t kMaxUnpackedBytes = std::size_t{400} << 20;  // in the browser's memory
 
-constexpr const char* kChannelGroups[] = {"sensors", "actuators", "registers"};
-
-// A channel of cells, its group in the recording and its unit ("": none), with a series for each component.
+// A channel of cells, its group in the recording (none: the heights) and its unit ("": none), with a series
+// for each component.
 struct CellChannel {
-  std::string name, group, unit;
+  std::string name;
+  std::optional<record::ChannelGroup> group;
+  std::string unit;
   std::vector<SeriesLayout> components;
 };
 
@@ -44,7 +46,7 @@ void find_ranges(const Recording& recording, const std::vector<std::size_t>& fra
     component.high = -component.low;
   }
   for (const std::size_t frame : frames) {
-    const std::vector<float> values = recording.read_channel(channel.group, channel.name, frame);
+    const std::vector<float> values = recording.read_channel(*channel.group, channel.name, frame);
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (!std::isfinite(values[i])) continue;
       SeriesLayout& component = components[i % components.size()];
@@ -65,9 +67,9 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
   std::vector<CellChannel> channels;
   if (recording.has_heights()) {
     channels.push_back(
-        {"height", "", "u", {{surface.pin.min_height, surface.max_top_height(), 1, cell_count}}});
+        {"height", std::nullopt, "u", {{surface.pin.min_height, surface.max_top_height(), 1, cell_count}}});
   }
-  for (const char* group : kChannelGroups)
+  for (const record::ChannelGroup group : record::kChannelGroups)
     for (const std::string& name : recording.channel_names(group)) {
       const std::size_t components = recording.channel_components(group, name);
       if (components == 0 ||
@@ -174,9 +176,9 @@ void encode_cell_channels(const Recording& recording, const std::vector<std::siz
     std::vector<SeriesEncoder> encoders(channel.components.begin(), channel.components.end());
     std::vector<float> channel_values, plane;
     for (const std::size_t frame : frames) {
-      if (!channel.group.empty()) channel_values = recording.read_channel(channel.group, channel.name, frame);
+      if (channel.group) channel_values = recording.read_channel(*channel.group, channel.name, frame);
       const std::span<const float> values =
-          channel.group.empty() ? recording.read_heights(frame) : std::span<const float>(channel_values);
+          channel.group ? std::span<const float>(channel_values) : recording.read_heights(frame);
       plane.resize(values.size() / components);
       for (std::size_t k = 0; k < components; ++k) {
         for (std::size_t cell = 0; cell < plane.size(); ++cell) plane[cell] = values[cell * components + k];
@@ -186,7 +188,7 @@ void encode_cell_channels(const Recording& recording, const std::vector<std::siz
     for (std::size_t k = 0; k < components; ++k) {
       const std::string index = components == 1 ? "" : "[" + std::to_string(k) + "]";
       series.push_back(
-          series_json(channel.group.empty() ? "height" : channel.group + "/" + channel.name + index,
+          series_json(channel.group ? to_string(*channel.group) + "/" + channel.name + index : "height",
                       encoders[k].layout(), channel.unit));
       append_series(stream, encoders[k]);
     }
@@ -242,7 +244,7 @@ void require_size_limit(const Recording& recording, std::size_t frames) {
   if (const auto& skin = recording.spec().surface.skin)
     bytes_per_frame += 6 * static_cast<std::size_t>(skin->rows) * static_cast<std::size_t>(skin->columns);
   std::size_t values = 1 + (recording.has_motion() ? 6 : 0);
-  for (const char* group : kChannelGroups)
+  for (const record::ChannelGroup group : record::kChannelGroups)
     for (const std::string& name : recording.channel_names(group))
       values += recording.channel_components(group, name);
   bytes_per_frame += cells * values;

@@ -10,6 +10,7 @@
 #include "smartsurf/scene/PinTip.h"
 #include "smartsurf/view/model/ActuatorGeometry.h"
 #include "smartsurf/view/model/Palette.h"
+#include "smartsurf/view/model/PinShading.h"
 #include "smartsurf/web/Base64.h"
 
 namespace smartsurf::web {
@@ -99,7 +100,10 @@ json actuators_json(const scene::SurfaceSpec& surface, const view::ActuatorGeome
 }
 
 json colours_json() {
-  json colours;
+  json colours = {{"lowest_pin", view::kLowestPinColour},
+                  {"highest_pin", view::kHighestPinColour},
+                  {"border", view::kBorderColour},
+                  {"no_value", view::kNanColour}};
   for (const auto& [name, colour] : view::actuator_colours()) colours[name] = colour;
   return colours;
 }
@@ -117,7 +121,7 @@ json palette_json() {
 }
 
 json looks_json() {
-  json looks;
+  json looks = {{"lowered_wall", view::kLoweredWall}};
   for (const auto& [name, value] : view::actuator_looks()) looks[name] = value;
   return looks;
 }

@@ -19,6 +19,22 @@ function colourInstances(shader) {
   shader.fragmentShader = 'varying vec4 tint;\n' + shader.fragmentShader.replace('#include <color_fragment>', 'diffuseColor *= tint;');
 }
 
+// The pose of each cell and the index of its mechanism: −1 for empty cells, one more than the last for the border.
+export function cellPlaces(scene) {
+  return Array.from({ length: scene.rows * scene.columns }, (_, cell) => {
+    const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
+    const border = scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
+    const mechanism = scene.cell ? scene.cell[cell] : 0;
+    return {
+      x: scene.place ? scene.place[3 * cell] : column * scene.pitch,
+      y: scene.place ? scene.place[3 * cell + 1] : (scene.rows - 1 - row) * scene.pitch,
+      angle: scene.place ? scene.place[3 * cell + 2] : 0,
+      border,
+      mechanism: border && mechanism >= 0 ? scene.mechanisms.length : mechanism,
+    };
+  });
+}
+
 export function makeMechanisms(scene, series, world, placeOf) {
   const motion = series.motion, top = Math.min(...scene.top), pitch = scene.pitch, c = scene.colours, looks = scene.looks;
   const recess = new Float32Array(scene.rows * scene.columns), works = [];
@@ -98,8 +114,8 @@ export function makeMechanisms(scene, series, world, placeOf) {
         if (strength < looks.min_visible_level) return arrows.place(i, nowhere);
         const along = force.normalize(), long = pitch * (looks.arrow_length + looks.arrow_length_gain * strength);
         const wide = pitch * (looks.arrow_width + looks.arrow_width_gain * strength);
-        turn.makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(1, 0, 0), along));
-        turn.scale(axis.set(long, wide, wide));
+        axis.set(...(Math.abs(along.z) < 0.95 ? [0, 0, 1] : [1, 0, 0])).cross(along).normalize();
+        turn.makeBasis(along, axis, along.clone().cross(axis)).scale(axis.set(long, wide, wide));
         // Forces are in the table's axes, whatever the rotation of the cell.
         arrows.place(i, matrix.makeTranslation(at.x, at.y, at.z + long * Math.abs(along.z) + wide).multiply(turn));
         const shade = mixed(c.weak_force, c.strong_force, strength);
@@ -139,7 +155,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
     delta(spec, cells) {
       const { length } = spec.tip, workspace = spec['workspace.radius'][0], reach = spec.arms.radius, arm = spec.arms.length;
       const tips = addKind(spec.meshes[0], cells.length), arms = addKind(spec.meshes[1], 3 * cells.length);
-      const up = new THREE.Vector3(0, 0, 1), along = new THREE.Vector3();
+      const along = new THREE.Vector3();
       return (i, at, m) => {
         const x = workspace * m.a, y = workspace * m.b;
         tips.place(i, matrix.makeTranslation(at.x + x, at.y + y, at.z));
@@ -148,8 +164,8 @@ export function makeMechanisms(scene, series, world, placeOf) {
           const angle = Math.PI / 2 + k * Math.PI * 2 / 3;
           const u = reach * Math.cos(angle) - x, v = reach * Math.sin(angle) - y;
           along.set(u, v, -Math.sqrt(Math.max(0, arm * arm - u * u - v * v))).multiplyScalar(0.5);
-          turn.makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(up, along.clone().normalize()));
-          turn.scale(axis.copy(arms.size).setZ(along.length()));
+          const across = Math.hypot(u, v) > 1e-6 ? axis.set(-v, u, 0).normalize() : axis.set(0, 1, 0), down = along.clone().normalize();
+          turn.makeBasis(across, down.clone().cross(across), down).scale(axis.copy(arms.size).setZ(along.length()));
           arms.place(3 * i + k, matrix.makeTranslation(at.x + x + along.x, at.y + y + along.y, at.z - length + along.z).multiply(turn));
           arms.paint(3 * i + k, c.ink, c.ink);
         }
@@ -171,7 +187,9 @@ export function makeMechanisms(scene, series, world, placeOf) {
         const slope = (low, high) => Math.min(Math.max((high - low) / (2 * pitch), -looks.max_plate_slope), looks.max_plate_slope);
         const near = (rows, columns) => at.heightNear(rows, columns);
         const east = slope(near(0, -1), near(0, 1)), north = slope(near(1, 0), near(-1, 0));
-        turn.makeRotationFromEuler(new THREE.Euler(Math.atan(north), -Math.atan(east), 0));
+        const up = new THREE.Vector3(-east, -north, 1).normalize();
+        axis.set(1, 0, east).normalize();
+        turn.makeBasis(axis, up.clone().cross(axis), up);
         plates.place(i, at.lowered(half.z).multiply(turn).scale(half));
         plates.paint(i, c.rubber, mixed(c.idle, c.vibrating, m.level));
         recess[at.cell] = 3 * half.z;
@@ -235,7 +253,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
         const row = Math.floor(cell / scene.columns) + rows, column = cell % scene.columns + columns;
         const inside = row >= 0 && column >= 0 && row < scene.rows && column < scene.columns;
         const there = row * scene.columns + column;
-        return inside && placeOf(there).mechanism >= 0 ? height(there) : at.z;
+        return height(inside && placeOf(there).mechanism >= 0 ? there : cell);
       },
     };
     return at;

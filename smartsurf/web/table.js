@@ -2,7 +2,7 @@
 // and for the live page, which have the same elements.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/orbit';
-import { makeMechanisms } from 'mechanisms';
+import { cellPlaces, makeMechanisms } from 'mechanisms';
 
 const byId = (id) => document.getElementById(id);
 
@@ -12,8 +12,11 @@ function paletteColour(palette, t) {
   const at = Math.min(Math.max(t, 0), 1) * (palette.length - 1), i = Math.min(Math.floor(at), palette.length - 2);
   return palette[i].map((c, k) => c + (at - i) * (palette[i + 1][k] - c));
 }
-const kLow = new THREE.Color(0x5c6b80), kHigh = new THREE.Color(0xdbdee0), kBorder = new THREE.Color(0x4f5763);
-const kNoValue = new THREE.Color(0x808080);
+// From sRGB in [0, 1].
+const colourFrom = (rgb) => new THREE.Color().setRGB(...rgb, THREE.SRGBColorSpace);
+// At 256 equidistant values.
+const colourTable = (rgbAt) => Array.from({ length: 256 }, (_, i) => colourFrom(rgbAt(i / 255)));
+const valueIn = (table, t) => table[t > 0 ? Math.round(255 * Math.min(t, 1)) : 0];
 
 export function makeRenderer() {
   const renderer = new THREE.WebGLRenderer({ canvas: byId('view'), antialias: true, stencil: true, preserveDrawingBuffer: true });
@@ -29,21 +32,7 @@ export function makeTable(scene, series, renderer, state) {
   const world = new THREE.Scene();
   world.background = new THREE.Color(0xe4e7ec);
 
-  // ---- Cells: pose and index of the mechanism (−1 = empty)
-  const isBorder = (cell) => {
-    const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
-    return scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
-  };
-  const places = Array.from({ length: scene.rows * scene.columns }, (_, cell) => {
-    const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
-    const mechanism = scene.cell ? scene.cell[cell] : 0, kMechanisms = scene.mechanisms.length;
-    return {
-      x: scene.place ? scene.place[3 * cell] : column * scene.pitch,
-      y: scene.place ? scene.place[3 * cell + 1] : (scene.rows - 1 - row) * scene.pitch,
-      angle: scene.place ? scene.place[3 * cell + 2] : 0,
-      mechanism: isBorder(cell) && mechanism >= 0 ? kMechanisms : mechanism,
-    };
-  });
+  const places = cellPlaces(scene);
   const there = places.filter((place) => place.mechanism >= 0);
   const edge = (axis, sign) => there.reduce((most, place) => Math.max(most, sign * place[axis]), -Infinity) * sign;
   const wide = edge('x', 1) - edge('x', -1) + scene.pitch, high = edge('y', 1) - edge('y', -1) + scene.pitch;
@@ -139,9 +128,10 @@ export function makeTable(scene, series, renderer, state) {
   const matrix = new THREE.Matrix4(), scale = new THREE.Vector3();
   // The border of a rectangular grid is four closed walls, and the gaps between its pins end at a dark floor, so that the
   // ground does not show through. Other layouts, and tables with empty cells, have neither.
+  const border = colourFrom(scene.colours.border);
   const walls = [], kFullGrid = !scene.place && there.length === cells;
   function addWall(x, y, width, depth, outwards) {
-    const wall = new THREE.Mesh(pins.geometry, new THREE.MeshLambertMaterial({ color: kBorder }));
+    const wall = new THREE.Mesh(pins.geometry, new THREE.MeshLambertMaterial({ color: border }));
     wall.position.set(x, y, 0);
     wall.scale.set(width, depth, 1);
     wall.castShadow = wall.receiveShadow = true;
@@ -165,7 +155,7 @@ export function makeTable(scene, series, renderer, state) {
   function setWalls() {
     const forward = camera.getWorldDirection(new THREE.Vector3());
     for (const { wall, outwards } of walls) {
-      const top = outwards.dot(forward) < -0.3 ? scene.low + 0.3 * (scene.border - scene.low) : scene.border;
+      const top = outwards.dot(forward) < -0.3 ? scene.low + scene.looks.lowered_wall * (scene.border - scene.low) : scene.border;
       wall.position.z = top;
       wall.scale.z = Math.max(top - base, 0.01);
     }
@@ -175,31 +165,32 @@ export function makeTable(scene, series, renderer, state) {
   const mechanisms = makeMechanisms(scene, series, world, (cell) => places[cell]);
   const nowhere = new THREE.Matrix4().makeScale(0, 0, 0);
 
+  const heightOf = (frame, cell) => (series.height ? series.height.value(frame, cell) : scene.low);
   function setPins(frame, channel) {
-    const heights = series.height;
     for (let cell = 0; cell < cells; ++cell) {
-      const height = (heights ? heights.value(frame, cell) : scene.low) - mechanisms.recess[cell];
+      const height = heightOf(frame, cell) - mechanisms.recess[cell];
       if (height !== shownHeight[cell]) {
         shownHeight[cell] = height;
-        const place = places[cell], hidden = place.mechanism < 0 || (walls.length > 0 && isBorder(cell));
+        const place = places[cell], hidden = place.mechanism < 0 || (walls.length > 0 && places[cell].border);
         matrix.makeRotationZ(place.angle).scale(scale.set(scene.top[0], scene.top[scene.hexagonal ? 0 : 1], Math.max(height - base, 0.01)));
         matrix.setPosition(place.x, place.y, height);
         pins.setMatrixAt(cell, hidden ? nowhere : matrix);
         pins.instanceMatrix.needsUpdate = true;
       }
-      pins.setColorAt(cell, colourOf(frame, cell, height, channel));
+      pins.setColorAt(cell, colourOf(frame, cell, channel));
     }
     pins.instanceColor.needsUpdate = true;
   }
 
-  const scratch = new THREE.Color();
-  const table = Array.from({ length: 256 }, (_, i) =>
-    new THREE.Color().setRGB(...paletteColour(scene.palette, i / 255).map((c) => c / 255), THREE.SRGBColorSpace));
-  function colourOf(frame, cell, height, channel) {
-    if (isBorder(cell)) return kBorder;
-    if (!channel) return scratch.lerpColors(kLow, kHigh, Math.sqrt(Math.max(0, (height - scene.low) / (scene.high - scene.low || 1))));
-    if (channel.missing(frame, cell)) return kNoValue;
-    return table[Math.min(Math.max(Math.round((channel.value(frame, cell) - channel.low) / (channel.high - channel.low) * 255), 0), 255)];
+  const { lowest_pin: lowest, highest_pin: highest } = scene.colours, noValue = colourFrom(scene.colours.no_value);
+  const valueColours = colourTable((t) => paletteColour(scene.palette, t).map((c) => c / 255));
+  const heightColours = colourTable((t) => lowest.map((c, k) => c + (highest[k] - c) * Math.sqrt(t)));
+  function colourOf(frame, cell, channel) {
+    if (places[cell].border) return border;
+    if (channel?.missing(frame, cell)) return noValue;
+    if (channel) return valueIn(valueColours, (channel.value(frame, cell) - channel.low) / (channel.high - channel.low));
+    const range = scene.high - scene.low;
+    return valueIn(heightColours, range > 0 ? (heightOf(frame, cell) - scene.low) / range : 1);
   }
 
   // ---- Objects: one instanced mesh per shape

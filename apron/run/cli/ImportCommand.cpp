@@ -13,8 +13,8 @@ namespace apron::run {
 namespace {
 
 const char* kind_of(const ImportNote& note) {
-  if (note.is_error) return ": error: ";
-  if (note.is_warning) return ": warning: ";
+  if (note.severity == Severity::kError) return ": error: ";
+  if (note.severity == Severity::kWarning) return ": warning: ";
   return note.in_kernel ? ": not translated: " : ": left out: ";
 }
 
@@ -42,7 +42,7 @@ int import_program(const Options& options) {
       common::print_message((note.file.empty() ? options.program : folder + note.file) + ":" +
                             std::to_string(note.line) + kind_of(note) + note.text + "\n");
       is_complete = is_complete && !note.in_kernel;
-      is_wrong = is_wrong || note.is_error;
+      is_wrong = is_wrong || note.severity == Severity::kError;
     }
     if (is_wrong) return common::kUserError;
     if (imported.instructions == 0) {

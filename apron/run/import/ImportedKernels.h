@@ -18,14 +18,19 @@ struct KernelVocabulary {
   std::set<std::string> names;                              // registers, defines and directions
 };
 
-// A line that was not translated.
+enum class Severity {
+  kNote,     // the line is not translated
+  kWarning,  // the line is translated, and the chip computes something else
+  kError,    // without the line the program would compute something else
+};
+
+// What the import says about a line.
 struct ImportNote {
   std::size_t line = 0;
   std::string text;
-  bool in_kernel = false;   // false for the program around the kernels, which runs on the controller
-  bool is_error = false;    // without the line the program would compute something else
-  bool is_warning = false;  // the line is translated, and the chip computes something else
-  std::string file;         // the included file, "" for the kernel's own
+  Severity severity = Severity::kNote;
+  bool in_kernel = false;  // false for the program around the kernels, which runs on the controller
+  std::string file;        // the included file, "" for the kernel's own
 };
 
 struct ImportedKernels {

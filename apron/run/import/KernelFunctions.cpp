@@ -184,7 +184,7 @@ void KernelSourceReader::collect_functions() {
       Signature signature;
       signature.name = macro->name;
       for (const std::string& name : macro->parameters)
-        signature.parameters.push_back({name, CppType::kOther, false, true, {}, flow_.add()});
+        signature.parameters.push_back({.name = name, .is_any = true, .initial = {}, .node = flow_.add()});
       signature.call = flow_.add();
       functions_.emplace(macro->name, std::move(signature));
       found = true;
@@ -288,7 +288,7 @@ void KernelSourceReader::translate_function(Function& function) {
     note(line,
          fmt::format("another function '{}' has as many parameters: only their types tell them apart",
                      function.name),
-         true);
+         Severity::kError);
     position_ = function.end;
     return;
   }
@@ -298,7 +298,7 @@ void KernelSourceReader::translate_function(Function& function) {
                      vocabulary_.statements.contains(function.name)
                          ? ": rename it if the chip's instruction is meant"
                          : ""),
-         true);
+         Severity::kError);
   ProgramLines body;
   position_ = function.body;
   in_kernel_ = function.is_kernel;

@@ -183,7 +183,10 @@ void KernelPreprocessor::directive(const KernelToken& token, const std::string& 
   } else if (word == "undef") {
     macros_.erase(scan_kernel_source(rest)[0].text);
   } else if (word == "error") {
-    notes_.push_back({token.line, "#error" + rest, false, true, false, files_[token.file]});
+    notes_.push_back({.line = token.line,
+                      .text = "#error" + rest,
+                      .severity = Severity::kError,
+                      .file = files_[token.file]});
   }
 }
 
@@ -197,8 +200,9 @@ void KernelPreprocessor::include(const KernelToken& token, const std::string& fo
     return refuse(token, fmt::format("more than {} files are included", kMaxDepth));
   const auto text = options_.read_include ? options_.read_include(path) : std::nullopt;
   if (!text) {
-    notes_.push_back({token.line, fmt::format("the included file '{}' is not there", name), false, false,
-                      false, files_[token.file]});
+    notes_.push_back({.line = token.line,
+                      .text = fmt::format("the included file '{}' is not there", name),
+                      .file = files_[token.file]});
     return;
   }
   included_.insert(path);
@@ -212,7 +216,8 @@ void KernelPreprocessor::include(const KernelToken& token, const std::string& fo
 // A limit that the kernel exceeds, once.
 void KernelPreprocessor::refuse(const KernelToken& at, std::string reason) {
   if (std::ranges::find(notes_, reason, &ImportNote::text) == notes_.end())
-    notes_.push_back({at.line, std::move(reason), false, true, false, files_[at.file]});
+    notes_.push_back(
+        {.line = at.line, .text = std::move(reason), .severity = Severity::kError, .file = files_[at.file]});
 }
 
 bool KernelPreprocessor::condition(const KernelToken& token, std::string_view expression) {

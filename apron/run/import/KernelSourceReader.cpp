@@ -64,7 +64,8 @@ void KernelSourceReader::translate_file() {
       skip_statement();
       if (has_instruction(tokens_, start, position_))
         note(tokens_[start].line,
-             fmt::format("'{}' with instructions of the chip has no counterpart", tokens_[start].text), true);
+             fmt::format("'{}' with instructions of the chip has no counterpart", tokens_[start].text),
+             Severity::kError);
     } else if (peek().is_name_of({"namespace", "extern"})) {
       while (!at_end() && !peek().is("{") && !peek().is(";")) ++position_;
       ++position_;
@@ -74,7 +75,7 @@ void KernelSourceReader::translate_file() {
       const std::string what = peek().text, name = peek(1).text;
       skip_statement();
       note(tokens_[start].line, fmt::format("the {} '{}' is left out", what, name),
-           has_instruction(tokens_, start, position_));
+           has_instruction(tokens_, start, position_) ? Severity::kError : Severity::kNote);
     } else {
       auto kernel = kernel_object_at(position_);
       if (!kernel) kernel = function_at(position_);
@@ -105,7 +106,8 @@ void KernelSourceReader::translate_enum() {
         if (const auto value = plain_expression({words.begin() + 2, words.end()}); value && value->constant)
           next = *value->constant;
       } catch (const Untranslatable& error) {
-        note(words[0].line, fmt::format("the enumerator '{}': {}", words[0].text, error.reason), true);
+        note(words[0].line, fmt::format("the enumerator '{}': {}", words[0].text, error.reason),
+             Severity::kError);
       }
     }
     scopes_.back()[scope + words[0].text] = {
@@ -190,7 +192,7 @@ void KernelSourceReader::leave_out(std::size_t start, const std::string& reason,
   if (position_ == start) ++position_;
   const bool is_error = !in_kernel_ && (first.is_name("goto") || concerns_registers(start, position_));
   const std::size_t end = std::exchange(position_, start);
-  note(line, reason, is_error);
+  note(line, reason, is_error ? Severity::kError : Severity::kNote);
   position_ = end;
   leave_out_values(start, end, out, depth);
   if (in_kernel_ || is_block) emit(out, depth, fmt::format("// not translated (line {}): {}", line, reason));
@@ -350,7 +352,7 @@ void KernelSourceReader::translate_declarator(CppType type, Qualifiers qualifier
   if (scopes_.size() == 1 && known != scopes_.front().end() && !is_unset(name) &&
       known->second.type != CppType::kOther)
     note(peek().line, fmt::format("another '{}' is declared: only their namespaces tell them apart", name),
-         true);
+         Severity::kError);
   if (peek(1).is("[")) {
     scopes_.back()[name] = {name, CppType::kOther, {}, std::nullopt, true};
     give_up("'{} [ …' is code of the controller", name);

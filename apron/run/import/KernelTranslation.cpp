@@ -131,9 +131,9 @@ std::vector<KernelTokenList> KernelTranslation::parse_arguments() {  // at the '
   return split_arguments(tokens_, first, position_ - 1);
 }
 
-void KernelTranslation::note(std::size_t line, std::string text, bool is_error) {
+void KernelTranslation::note(std::size_t line, std::string text, Severity severity) {
   notes_.push_back(
-      {line, std::move(text), in_kernel_, is_error, false, files_[std::min(peek().file, files_.size() - 1)]});
+      {line, std::move(text), severity, in_kernel_, files_[std::min(peek().file, files_.size() - 1)]});
 }
 
 // ---- names
@@ -283,9 +283,9 @@ void KernelTranslation::note_shared_operands(const std::string& name,
     const bool is_first_of_sub = (name == "sub" || name == "subx") && i == 1;
     if (is_target ? reads_target : !is_first_of_sub) {
       if (seen.insert(text).second) continue;
-      note(line, fmt::format("the chip connects '{}' once in '{}' and computes something else", text, name));
+      note(line, fmt::format("the chip connects '{}' once in '{}' and computes something else", text, name),
+           Severity::kWarning);
       notes_.back().in_kernel = false;
-      notes_.back().is_warning = true;
       return;
     }
   }
@@ -381,8 +381,10 @@ void KernelTranslation::translate_directions(ProgramLines& out, int depth,
 
 ImportedKernels KernelTranslation::finish() {
   for (const ValueFlow::Finding& one : flow_.findings())
-    notes_.push_back({one.place.line, one.reason + " reaches an instruction or decides about it", false, true,
-                      false, one.place.file});
+    notes_.push_back({.line = one.place.line,
+                      .text = one.reason + " reaches an instruction or decides about it",
+                      .severity = Severity::kError,
+                      .file = one.place.file});
   ProgramLines all;
   const auto append = [&](const ProgramLines& lines) { all.insert(all.end(), lines.begin(), lines.end()); };
   append(defines_);

@@ -98,7 +98,7 @@ class KernelTranslation {
   std::vector<KernelTokenList> parse_arguments();
 
   // ---- the program, and notes on lines that are missing in it
-  void note(std::size_t line, std::string text, bool is_error = false);
+  void note(std::size_t line, std::string text, Severity severity = Severity::kNote);
   void emit(ProgramLines& out, int depth, const std::string& text);
   // Copies the comment at position_.
   void emit_comment(ProgramLines& out, int depth);

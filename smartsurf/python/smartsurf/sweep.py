@@ -38,7 +38,7 @@ DECIDED = ("success", "purity")  # figures that the metric of that name decides
 OWN_COLUMNS = ("seed", "exit_status", "runs", "failed", "succeeded", "success_rate", "success_low", "success_high")  # besides options
 LOSSES = ("left_table", "off_surface", "lost")  # figures: objects lost
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")  # Okabe and Ito 2008
+COLOURS = ("#0073b3", "#d65e00", "#009e73", "#cc78a6", "#57b5e8", "#e69e00", "#595959")  # as in common/color/LineColours.h
 
 OUTPUTS = ("stats.json", "log", "provenance.json", "recording.h5", "status")  # of a run, in its folder
 

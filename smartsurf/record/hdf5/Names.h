@@ -1,5 +1,5 @@
 // The datasets and groups of a recording, for its writer and its reader (docs/recordings.md). Attributes are
-// listed in AttributeArchive.h's users. Internal to this module.
+// listed in AttributeArchive.h's users. Internal to this module, but for `live`.
 #pragma once
 
 namespace smartsurf::record::paths {
@@ -22,6 +22,13 @@ inline constexpr const char *kSurface = "surface", *kHeightChanges = "surface/ch
 inline constexpr const char *kInputs = "inputs", *kInputChanges = "inputs/changes", *kInputValues = "values",
                             *kSensors = "sensors", *kActuators = "actuators", *kMetrics = "metrics",
                             *kRegisters = "registers", *kSolids = "solids", *kClock = "clock";
+
+// What a live recording has beside its channels (Recorder.h, LiveRow): groups and their datasets.
+namespace live {
+inline constexpr const char *kRoot = "", *kStatus = "status", *kLost = "lost";
+inline constexpr const char *kAnswers = "answers", *kAnsweredTick = "tick", *kLatency = "latency_us";
+inline constexpr const char *kHostTime = "host_ns", *kBoards = "boards";  // host_ns: of the group kClock
+}  // namespace live
 
 // Columns of /objects: one entry per object.
 namespace column {

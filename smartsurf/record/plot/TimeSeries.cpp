@@ -9,6 +9,7 @@
 #include "common/text/Number.h"
 #include "common/text/Suggestion.h"
 #include "common/text/Words.h"
+#include "smartsurf/scene/ChannelKind.h"
 
 namespace smartsurf::record {
 namespace {
@@ -107,24 +108,27 @@ std::string joined(const Arguments& parts, std::size_t first, std::size_t count)
 }
 
 struct Channel {
-  std::string group, name;
+  ChannelGroup group;
+  std::string name;
   std::optional<std::size_t> component;  // nullopt: all
 };
 
 // By its name in the file, by that with its component, NAME[0], or by one that --cells takes.
 std::optional<Channel> find_channel(const Recording& recording, const std::string& text) {
-  constexpr std::pair<const char*, const char*> kGroups[] = {{"sensors", ""},
-                                                             {"actuators", ""},
-                                                             {"registers", ""},
-                                                             {"actuators", "command: "},
-                                                             {"registers", "apron:"}};
+  constexpr std::pair<ChannelGroup, std::string_view> kGroups[] = {
+      {ChannelGroup::kSensors, ""},
+      {ChannelGroup::kActuators, ""},
+      {ChannelGroup::kRegisters, ""},
+      {ChannelGroup::kActuators, prefix_of(scene::ChannelKind::kCommand)},
+      {ChannelGroup::kRegisters, prefix_of(scene::ChannelKind::kRegister)}};
   const std::size_t bracket = text.ends_with(']') ? text.rfind('[') : text.npos;
   const auto component =
       bracket == text.npos ? std::nullopt : parse_index(text.substr(bracket + 1, text.size() - bracket - 2));
   for (const auto& [group, prefix] : kGroups)
     for (const std::string& name : recording.channel_names(group)) {
-      if (text == prefix + name) return Channel{group, name, std::nullopt};
-      if (component && text.substr(0, bracket) == prefix + name) return Channel{group, name, component};
+      const std::string full_name = std::string(prefix) + name;
+      if (text == full_name) return Channel{group, name, std::nullopt};
+      if (component && text.substr(0, bracket) == full_name) return Channel{group, name, component};
     }
   return std::nullopt;
 }
@@ -163,7 +167,7 @@ TimeSeries named_channel_series(const Recording& recording, const std::string& k
       arguments, 0, [&](const std::string& name) { return find_channel(recording, name).has_value(); });
   if (count == 0) {
     std::vector<std::string> known;
-    for (const char* group : {"sensors", "actuators", "registers"})
+    for (const ChannelGroup group : kChannelGroups)
       std::ranges::copy(recording.channel_names(group), std::back_inserter(known));
     throw_plot_error(kind + ":" + arguments[0], known.empty()
                                                     ? recording.path().string() + " holds no channels"
@@ -283,7 +287,7 @@ TimeSeries metric_series(const Recording& recording, const std::string& kind, co
 
 // A register by the name that --cells takes.
 TimeSeries register_series(const Recording& recording, const std::string& kind, const Arguments& arguments) {
-  const std::vector<std::string> known = recording.channel_names("registers");
+  const std::vector<std::string> known = recording.channel_names(ChannelGroup::kRegisters);
   if (arguments.empty()) throw_plot_error(kind, "needs a register and cells: apron:NAME:ROW,COLUMN");
   const std::string& name = arguments.front();
   if (std::ranges::find(known, name) == known.end())
@@ -293,7 +297,7 @@ TimeSeries register_series(const Recording& recording, const std::string& kind, 
                                                             name + " keeps"
                                                       : "no such register; known: " + common::join(known) +
                                                             common::did_you_mean(name, known));
-  return channel_series(recording, name, {"registers", name, std::nullopt},
+  return channel_series(recording, name, {ChannelGroup::kRegisters, name, std::nullopt},
                         {arguments.begin() + 1, arguments.end()});
 }
 
@@ -354,7 +358,7 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     require_no_arguments(joined(parts, 0, count), rest(count));
     return metric_series(recording, "metric", {joined(parts, 0, count)});
   }
-  for (const char* group : {"sensors", "actuators", "registers"})
+  for (const ChannelGroup group : kChannelGroups)
     for (const std::string& name : recording.channel_names(group))
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
   known.insert(known.end(), metrics.begin(), metrics.end());

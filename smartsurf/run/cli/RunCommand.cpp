@@ -22,6 +22,7 @@
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/cli/WindowSession.h"
 #include "smartsurf/run/options/FlagValues.h"
+#include "smartsurf/scene/ChannelKind.h"
 #include "smartsurf/scene/UnlikelyPlacements.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
@@ -150,8 +151,8 @@ script::Experiment load_silently(const RunFlags& flags) {
 // The registers that a run records or draws: those of --record-registers and that of --cells apron:NAME. Null
 // for none.
 std::shared_ptr<ShownRegisters> shown_registers(const RunFlags& flags) {
-  constexpr std::string_view kPrefix = view::kRegisterPrefix;
-  const bool draws = flags.render.cells.starts_with(kPrefix);
+  const scene::ChannelReference cells = scene::parse_channel(flags.render.cells);
+  const bool draws = cells.kind == scene::ChannelKind::kRegister;
   const bool records = !flags.record_registers.empty();
   const char* const flag = draws ? "--cells apron:NAME" : "--record-registers";
   if (!draws && !records) return nullptr;
@@ -164,7 +165,7 @@ std::shared_ptr<ShownRegisters> shown_registers(const RunFlags& flags) {
   if (flags.worlds > 0) throw scene::InputError(fmt::format("{}: cannot be combined with --worlds", flag));
   if (records && std::ranges::none_of(flags.record, [](const auto& file) { return !file.ends_with(".csv"); }))
     throw scene::InputError("--record-registers: needs --record FILE.h5, in which they are recorded");
-  const std::string drawn = draws ? flags.render.cells.substr(kPrefix.size()) : "";
+  const std::string drawn(draws ? cells.name : "");
   if (drawn.empty() && !records) return nullptr;
   return std::make_shared<ShownRegisters>(flags.record_registers, drawn);
 }

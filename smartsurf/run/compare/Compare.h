@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/run/options/RunOptions.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 
@@ -27,7 +28,7 @@ struct EngineTrace {
   std::vector<double> time_s;        // one per tick, from tick 0
   std::vector<ObjectTrace> objects;  // index = id
   std::vector<scene::ObjectSpec> catalogue;
-  std::vector<std::pair<std::string, double>> metrics;
+  scene::Metrics metrics;
 };
 
 // Runs the experiment of `options` on its engine. Throws scene::InputError as Run does, and if the run fails.

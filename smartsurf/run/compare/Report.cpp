@@ -47,13 +47,13 @@ std::vector<Verdict> sorted_by_parting(std::vector<Verdict> verdicts) {
 std::string metrics_text(const EngineTrace& first, const EngineTrace& second) {
   std::string text;
   for (const auto& [name, value] : first.metrics) {
-    const auto same = std::ranges::find(second.metrics, name, &std::pair<std::string, double>::first);
+    const auto same = std::ranges::find(second.metrics, name, &scene::Metric::first);
     text += same == second.metrics.end()
                 ? fmt::format("  metric {}: {:.5g}, and none with {}\n", name, value, second.engine)
                 : fmt::format("  metric {}: {}\n", name, pair_text(value, same->second));
   }
   for (const auto& [name, value] : second.metrics)
-    if (std::ranges::find(first.metrics, name, &std::pair<std::string, double>::first) == first.metrics.end())
+    if (std::ranges::find(first.metrics, name, &scene::Metric::first) == first.metrics.end())
       text += fmt::format("  metric {}: none with {}, and {:.5g}\n", name, first.engine, value);
   return text;
 }

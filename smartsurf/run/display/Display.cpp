@@ -70,8 +70,7 @@ void Display::show_message(const std::string& message) {
   if (window_) window_->show_message(message);
 }
 
-void Display::record_tick(const simulation::Simulation& simulation,
-                          std::span<const std::pair<std::string, double>> metrics) {
+void Display::record_tick(const simulation::Simulation& simulation, std::span<const scene::Metric> metrics) {
   if (!window_) return;
   history_.add(simulation.snapshot(), channels_.update(simulation), metrics);
 }

@@ -14,6 +14,7 @@
 #include "smartsurf/run/display/UserInteraction.h"
 #include "smartsurf/run/display/ViewChannels.h"
 #include "smartsurf/run/options/RunOptions.h"
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/simulation/Simulation.h"
 #include "smartsurf/view/interaction/Controls.h"
 
@@ -45,7 +46,7 @@ struct DisplayStatus {
   RunMode mode = RunMode::kTimeStep;
   std::string controller;  // a phrase: "process 4711, running"
   double physics_ms = 0.0;
-  std::span<const std::pair<std::string, double>> metrics;
+  std::span<const scene::Metric> metrics;
   bool can_restart = false;
   std::string notice;
   std::optional<view::Banner> banner;
@@ -67,7 +68,7 @@ class Display {
   void show_message(const std::string& message);
   // Adds the state of the current tick to the history. metrics: in an order that stays. Does nothing
   // without a window.
-  void record_tick(const simulation::Simulation&, std::span<const std::pair<std::string, double>> metrics);
+  void record_tick(const simulation::Simulation&, std::span<const scene::Metric> metrics);
   // Marks an event on the timeline. Does nothing without a window.
   void mark(view::EventMark mark);
   // Polls the user's input and draws a frame if one is due. Does nothing without a window.
@@ -84,7 +85,7 @@ class Display {
   RunHistory history_;
   std::vector<view::EventMark> marks_;        // in order of time
   std::optional<std::size_t> history_index_;  // the snapshot shown; nullopt: the present
-  mutable std::vector<std::pair<std::string, double>> past_metrics_;  // of that snapshot
+  mutable scene::Metrics past_metrics_;       // of that snapshot
   ViewChannels channels_;
   std::vector<view::ContactMark> contacts_;
   std::chrono::steady_clock::time_point next_frame_time_{}, last_draw_time_{};

@@ -19,8 +19,8 @@ std::size_t frame_bytes(const RunHistory::Frame& frame) {
 
 }  // namespace
 
-std::vector<std::pair<std::string, double>> RunHistory::metrics(const Frame& frame) const {
-  std::vector<std::pair<std::string, double>> named;
+scene::Metrics RunHistory::metrics(const Frame& frame) const {
+  scene::Metrics named;
   for (std::size_t i = 0; i < frame.metrics.size(); ++i)
     named.emplace_back(signals_[i].quantity, frame.metrics[i]);
   return named;
@@ -36,7 +36,7 @@ void RunHistory::clear() {
 }
 
 void RunHistory::add(const scene::Snapshot& snapshot, std::span<const view::Channel> channels,
-                     std::span<const std::pair<std::string, double>> metrics) {
+                     std::span<const scene::Metric> metrics) {
   if (channels_.empty())
     for (std::size_t offset = 0; const view::Channel& channel : channels) {
       const std::size_t cells =

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/view/model/Signal.h"
 
@@ -28,14 +29,14 @@ class RunHistory final : public view::History {
   // channels: the same ones in every tick; the first is the heights, which the snapshot holds. metrics: new
   // ones may follow the earlier ones.
   void add(const scene::Snapshot& snapshot, std::span<const view::Channel> channels,
-           std::span<const std::pair<std::string, double>> metrics);
+           std::span<const scene::Metric> metrics);
   void clear();
 
   std::size_t size() const { return frames_.size(); }
   // 0 is the oldest.
   const Frame& at(std::size_t i) const { return frames_[(oldest_ + i) % frames_.size()]; }
   // The script's metrics at that tick.
-  std::vector<std::pair<std::string, double>> metrics(const Frame& frame) const;
+  scene::Metrics metrics(const Frame& frame) const;
   // The values of a channel by its index in the channels of add(); empty if it had none.
   std::span<const float> channel(const Frame& frame, std::size_t index) const;
 

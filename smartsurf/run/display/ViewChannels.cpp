@@ -11,12 +11,15 @@
 
 namespace smartsurf::run {
 
+using scene::ChannelKind;
+
 view::Channel height_channel(const scene::SurfaceSpec& surface) {
-  return {"height",
-          "u",
-          {},
-          static_cast<float>(surface.pin.min_height),
-          static_cast<float>(surface.pin.max_height)};
+  return {.name = "height",
+          .unit = "u",
+          .values = {},
+          .low = static_cast<float>(surface.pin.min_height),
+          .high = static_cast<float>(surface.pin.max_height),
+          .kind = ChannelKind::kHeight};
 }
 
 view::Channel sensor_channel(const scene::SurfaceSpec& surface, const std::string& name) {
@@ -35,12 +38,16 @@ view::Channel sensor_channel(const scene::SurfaceSpec& surface, const std::strin
 view::Channel actuator_channel(const scene::SurfaceSpec& surface, const std::string& name) {
   for (const scene::ActuatorChannel& channel : surface.actuator_channels())
     if (channel.name == name)
-      return {kCommandPrefix + name,
-              channel.unit,
-              {},
-              static_cast<float>(channel.minimum),
-              static_cast<float>(channel.maximum)};
-  return {kCommandPrefix + name, "", {}, 0.0F, 0.0F};
+      return {.name = full_name(ChannelKind::kCommand, name),
+              .unit = channel.unit,
+              .values = {},
+              .low = static_cast<float>(channel.minimum),
+              .high = static_cast<float>(channel.maximum),
+              .kind = ChannelKind::kCommand};
+  return {.name = full_name(ChannelKind::kCommand, name),
+          .unit = "",
+          .values = {},
+          .kind = ChannelKind::kCommand};
 }
 
 std::string component_name(const std::string& name, int component, int components) {
@@ -48,7 +55,10 @@ std::string component_name(const std::string& name, int component, int component
 }
 
 view::Channel register_channel(const std::string& name) {
-  return {view::kRegisterPrefix + name, "", {}, 0.0F, 0.0F};
+  return {.name = full_name(ChannelKind::kRegister, name),
+          .unit = "",
+          .values = {},
+          .kind = ChannelKind::kRegister};
 }
 
 void ViewChannels::init_channels(const simulation::Simulation& simulation) {
@@ -75,7 +85,7 @@ std::span<const view::Channel> ViewChannels::update(const simulation::Simulation
   const auto registers = registers_ ? registers_->values() : std::span<const scene::ChannelData>();
   for (view::Channel& channel : std::span(channels_).last(register_count_)) {
     const auto shown = std::ranges::find_if(registers, [&](const scene::ChannelData& data) {
-      return channel.name.substr(std::string_view(view::kRegisterPrefix).size()) == data.name;
+      return channel.name == full_name(ChannelKind::kRegister, data.name);
     });
     channel.values = shown != registers.end() ? shown->values : std::span<const float>(missing_);
   }

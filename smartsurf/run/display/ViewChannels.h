@@ -13,9 +13,6 @@
 
 namespace smartsurf::run {
 
-// The names of channels that are an actuator's commands begin with this.
-inline constexpr const char* kCommandPrefix = "command: ";
-
 class ViewChannels {
  public:
   // registers: of the APRON program; those that are named are channels, too. Null: none.

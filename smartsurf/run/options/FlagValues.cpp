@@ -32,9 +32,8 @@ Screenshot parse_screenshot(const std::string& text) {
   return screenshot;
 }
 
-std::vector<std::pair<std::string, std::string>> parse_overrides(const std::vector<std::string>& set,
-                                                                 const std::vector<std::string>& vary) {
-  std::vector<std::pair<std::string, std::string>> pairs;
+scene::Overrides parse_overrides(const std::vector<std::string>& set, const std::vector<std::string>& vary) {
+  scene::Overrides pairs;
   const auto add = [&](const std::string& flag, const std::string& form, const std::string& prefix,
                        const std::string& assignment) {
     const auto equals = assignment.find('=');

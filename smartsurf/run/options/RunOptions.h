@@ -13,6 +13,7 @@
 #include "common/files/Inputs.h"
 #include "smartsurf/run/ShownRegisters.h"
 #include "smartsurf/run/options/RenderOptions.h"
+#include "smartsurf/scene/NamedValues.h"
 
 namespace smartsurf::run {
 
@@ -42,7 +43,7 @@ struct RunOptions {
   bool no_controller = false;
   std::optional<std::uint64_t> seed;
   std::optional<std::string> engine;  // nullopt: the script's
-  std::vector<std::pair<std::string, std::string>> overrides;
+  scene::Overrides overrides;
   int threads = 1;
   std::vector<std::string> recording_files;
   std::string stats_file;

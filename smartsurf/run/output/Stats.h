@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/NamedValues.h"
+
 namespace smartsurf::run {
 
 // A histogram of durations with buckets 1/32 octave wide: quantiles are accurate to about 2 %. Never
@@ -64,11 +66,11 @@ struct RunSummary {
   std::optional<double> success_s;
   std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0;
   std::uint64_t actuator_values_clamped = 0, actuator_values_nan = 0;
-  std::vector<std::pair<std::string, double>> metrics;  // from the script's metric()
-  std::vector<std::pair<std::string, double>> varied;   // the episode's nuisances
-  std::size_t off_surface = 0;                          // objects not over the surface at the end
-  std::uint64_t left_table = 0;                         // total departures
-  std::uint64_t frames_drawn = 0;                       // in the window
+  scene::Metrics metrics;                              // from the script's metric()
+  std::vector<std::pair<std::string, double>> varied;  // the episode's nuisances
+  std::size_t off_surface = 0;                         // objects not over the surface at the end
+  std::uint64_t left_table = 0;                        // total departures
+  std::uint64_t frames_drawn = 0;                      // in the window
 
   double real_time_factor() const { return wall_s > 0.0 ? simulated_s / wall_s : 0.0; }
 };

@@ -12,9 +12,9 @@ namespace smartsurf::run {
 RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(recording) {
   const scene::SurfaceSpec& surface = recording.spec().surface;
   channels_ = {height_channel(surface)};
-  add_channels("sensors", "");
-  add_channels("actuators", kCommandPrefix);
-  add_channels("registers", view::kRegisterPrefix);
+  add_channels(record::ChannelGroup::kSensors, scene::ChannelKind::kSensor);
+  add_channels(record::ChannelGroup::kActuators, scene::ChannelKind::kCommand);
+  add_channels(record::ChannelGroup::kRegisters, scene::ChannelKind::kRegister);
   if (const auto time_s = recording.success_s())
     marks_.push_back({view::EventMark::Kind::kSuccess, *time_s, "success"});
   if (const auto tick = recording.first_interaction_tick()) {
@@ -25,7 +25,7 @@ RecordedFrames::RecordedFrames(const record::Recording& recording) : recording_(
 }
 
 // A channel with several components is one for each.
-void RecordedFrames::add_channels(const char* group, const std::string& prefix) {
+void RecordedFrames::add_channels(record::ChannelGroup group, scene::ChannelKind kind) {
   const std::size_t cells = recording_.spec().surface.cell_count();
   for (const std::string& name : recording_.channel_names(group)) {
     const std::size_t numbers =
@@ -33,13 +33,14 @@ void RecordedFrames::add_channels(const char* group, const std::string& prefix) 
     const int components = std::max(1, static_cast<int>(numbers / std::max<std::size_t>(cells, 1)));
     const record::Recording::ChannelInfo info = recording_.channel_info(group, name);
     for (int i = 0; i < components; ++i) {
-      channels_.push_back({component_name(prefix + name, i, components),
+      channels_.push_back({component_name(full_name(kind, name), i, components),
                            info.unit,
                            {},
                            static_cast<float>(info.minimum),
                            static_cast<float>(info.maximum),
                            info.origin,
-                           info.direction});
+                           info.direction,
+                           kind});
       sources_.push_back({group, name, i});
     }
   }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/scene/ChannelKind.h"
 #include "smartsurf/view/interaction/Controls.h"
 #include "smartsurf/view/model/Signal.h"
 
@@ -35,11 +36,11 @@ class RecordedFrames final : public view::History {
 
  private:
   struct Source {
-    std::string group, name;
+    record::ChannelGroup group;
+    std::string name;
     int component;
   };
-  // prefix: of the names of the channels.
-  void add_channels(const char* group, const std::string& prefix);
+  void add_channels(record::ChannelGroup group, scene::ChannelKind kind);
   void load(std::size_t frame);
   std::vector<double> read_all(const view::Signal& signal) const;
 

@@ -18,6 +18,7 @@
 #include "smartsurf/run/replay/Player.h"
 #include "smartsurf/run/replay/RecordedFrames.h"
 #include "smartsurf/run/replay/Verify.h"
+#include "smartsurf/scene/ChannelKind.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "smartsurf/view/window/Window.h"
 
@@ -45,10 +46,11 @@ void require_cell_channel(const record::Recording& recording, const RecordedFram
                           const std::string& channel) {
   if (channel.empty()) return;
   std::string hint;
-  if (channel.starts_with(view::kRegisterPrefix))
+  const scene::ChannelReference reference = scene::parse_channel(channel);
+  if (reference.kind == scene::ChannelKind::kRegister)
     hint = fmt::format("the recording has no such register, which run --record-registers {} keeps",
-                       channel.substr(std::string_view(view::kRegisterPrefix).size()));
-  else if (recording.channel_names("sensors").empty())
+                       reference.name);
+  else if (recording.channel_names(record::ChannelGroup::kSensors).empty())
     hint = "the recording has no sensors, which record { sensors = true } keeps";
   require_channel("--cells", channel, frames.channels(), hint);
 }
@@ -87,10 +89,8 @@ std::string reason_not_to_open(const std::string& file) {
 
 bool needs_rerun(const record::Recording& recording, const RenderOptions& options) {
   const std::string& channel = options.view.overlay.channel;
-  if (channel.empty() || channel == "height" || channel.starts_with(view::kRegisterPrefix) ||
-      channel.starts_with(kCommandPrefix))
-    return false;
-  return recording.channel_names("sensors").empty();
+  return !channel.empty() && scene::parse_channel(channel).kind == scene::ChannelKind::kSensor &&
+         recording.channel_names(record::ChannelGroup::kSensors).empty();
 }
 
 bool rerun_to_media(const record::Recording& recording, const std::vector<Screenshot>& screenshots,

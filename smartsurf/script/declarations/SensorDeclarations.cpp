@@ -3,6 +3,7 @@
 #include <cctype>
 #include <string>
 
+#include "smartsurf/scene/ChannelName.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/declarations/ParameterReader.h"
@@ -13,7 +14,6 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMaxSensors = 32;  // channels of the protocol
-constexpr std::size_t kMaxChannelNameLength = 31, kMaxSensorNameLength = 27;
 constexpr std::size_t kMaxDeclared = 1000;
 
 // The userdata type that a sensor function returns. It holds an index into ScriptContext::sensors.
@@ -25,8 +25,8 @@ std::size_t max_name_length(const scene::SensorKind& kind, const scene::SensorSp
   for (const scene::SensorChannel& channel : kind.channels(spec))
     if (channel.name.starts_with(spec.name))
       longest_suffix = std::max(longest_suffix, channel.name.size() - spec.name.size());
-  return std::min(kMaxSensorNameLength,
-                  kMaxChannelNameLength - std::min(longest_suffix, kMaxChannelNameLength - 1));
+  return std::min(scene::kMaxSensorNameLength,
+                  scene::kMaxChannelNameLength - std::min(longest_suffix, scene::kMaxChannelNameLength - 1));
 }
 
 bool is_sensor_name(const std::string& name, std::size_t max_length) {

@@ -64,7 +64,7 @@ int metric(ScriptContext& context, lua_State* L) {
   if (is_function) require_loading(context, "metric: a function");
   const double value =
       is_function ? std::numeric_limits<double>::quiet_NaN() : check_number(L, 2, "metric: value");
-  auto existing = std::ranges::find(context.metrics, name, &std::pair<std::string, double>::first);
+  auto existing = std::ranges::find(context.metrics, name, &scene::Metric::first);
   if (existing == context.metrics.end()) {
     if (context.metrics.size() >= kMaxMetrics) throw ScriptError("metric: more than 1000 names");
     existing = context.metrics.emplace(existing, name, value);

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/scene/NamedValues.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/view/interaction/Overlay.h"
 #include "smartsurf/view/interaction/Tools.h"
@@ -56,11 +57,11 @@ struct Status {
   std::string mode;        // "time-step" or "passive"
   std::string controller;  // name, process id and state of the controlling program, or ""
   bool paused = false;
-  bool run_ended = false;       // nothing follows but a restart; the past can be viewed
-  double requested_pace = 1.0;  // simulated seconds per wall-clock second; 0: as fast as possible
-  double actual_pace = 0.0;     // measured, same unit
-  double physics_ms = 0.0;      // wall-clock time of one tick's physics
-  std::span<const std::pair<std::string, double>> metrics;  // of the script; NaN: no value yet
+  bool run_ended = false;                  // nothing follows but a restart; the past can be viewed
+  double requested_pace = 1.0;             // simulated seconds per wall-clock second; 0: as fast as possible
+  double actual_pace = 0.0;                // measured, same unit
+  double physics_ms = 0.0;                 // wall-clock time of one tick's physics
+  std::span<const scene::Metric> metrics;  // of the script; NaN: no value yet
   std::optional<Timeline> timeline;
   std::string notice;  // one line, shown while not empty
   std::optional<Banner> banner;

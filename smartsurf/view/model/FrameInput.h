@@ -7,13 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/ChannelKind.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 
 namespace smartsurf::view {
-
-// The names of channels that are registers of the APRON program begin with this.
-inline constexpr const char* kRegisterPrefix = "apron:";
 
 // One channel over the surface, for heat maps and cell plots.
 struct Channel {
@@ -25,6 +23,7 @@ struct Channel {
   // Of distances: the ray along which they are, as of scene::SensorChannel; unknown: up from the top's
   // centre.
   std::optional<std::array<double, 3>> origin = {}, direction = {};
+  scene::ChannelKind kind = scene::ChannelKind::kSensor;
 };
 
 // A contact point and its force.

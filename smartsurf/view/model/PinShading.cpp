@@ -12,12 +12,7 @@ namespace {
 constexpr float kOcclusionRange = 1.6f;   // an object darkens pins within this many radii
 constexpr float kObjectOcclusion = 0.8f;  // strength of occlusion by objects
 constexpr float kCosine60 = 0.5f, kSine60 = 0.8660254f;
-constexpr double kLoweredWall = 0.3;       // drawn share of the height of a wall that faces the camera
 constexpr float kCornerOcclusion = 0.62f;  // strength of occlusion by neighbouring pins
-
-// sRGB: lowest pins, highest pins, the border.
-constexpr Rgb kLowColour{0.36f, 0.42f, 0.50f}, kHighColour{0.80f, 0.805f, 0.81f},
-    kBorderColour{0.31f, 0.34f, 0.39f};
 
 // Fraction of the sky that a wall hides from a point at its foot: 0 … 1. wall: its height in pitches.
 float sky_occlusion(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(1.0f + wall * wall); }
@@ -110,7 +105,7 @@ PinShading::ColourTables PinShading::make_colour_tables() {
     Rgb screen;
     // Programs often use only the lower part of the pin's travel; the square root spreads its brightness.
     for (int c = 0; c < 3; ++c)
-      screen[c] = kLowColour[c] + (kHighColour[c] - kLowColour[c]) * std::sqrt(share);
+      screen[c] = kLowestPinColour[c] + (kHighestPinColour[c] - kLowestPinColour[c]) * std::sqrt(share);
     t.height[i] = bytes(screen);
     for (const Palette palette : kPalettes)
       t.channel[static_cast<int>(palette)][i] = bytes(common::palette_color(palette, share));

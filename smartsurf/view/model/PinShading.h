@@ -12,8 +12,15 @@
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/view/model/DrawOptions.h"
+#include "smartsurf/view/model/Palette.h"
 
 namespace smartsurf::view {
+
+// sRGB. A pin's colour is mixed by the square root of its height's share of the range.
+inline constexpr Rgb kLowestPinColour{0.36F, 0.42F, 0.50F}, kHighestPinColour{0.80F, 0.805F, 0.81F},
+    kBorderColour{0.31F, 0.34F, 0.39F};
+// The drawn share of the height of a wall that faces the camera.
+inline constexpr double kLoweredWall = 0.3;
 
 // The prisms with which a cell is drawn, at turns of 60°: three that overlap, and together are a hexagon, or
 // one.

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
+#include "common/color/LineColours.h"
 #include "common/csv/Csv.h"
 #include "common/text/Number.h"
 
@@ -59,23 +61,18 @@ void PlotData::update(const History& history) {
   end_ = history.end();
 }
 
-// Colours that colour-blind readers can distinguish (Okabe and Ito), and a grey; then darker and lighter
-// ones.
+// The charts' colours; then darker and lighter ones.
 std::array<std::uint8_t, 3> curve_colour(std::size_t index) {
-  static constexpr std::array<std::array<double, 3>, 7> kColours{{{0, 115, 179},
-                                                                  {214, 94, 0},
-                                                                  {0, 158, 115},
-                                                                  {204, 120, 166},
-                                                                  {87, 181, 232},
-                                                                  {230, 158, 0},
-                                                                  {90, 90, 90}}};
-  static_assert(kCurveColours == 3 * kColours.size());
-  const std::size_t shade = index / kColours.size() % 3;
-  std::array<std::uint8_t, 3> colour{};
-  std::ranges::transform(kColours[index % kColours.size()], colour.begin(), [&](double c) {
-    return static_cast<std::uint8_t>(shade == 0 ? c : shade == 1 ? 0.5 * c : c + 0.45 * (255.0 - c));
-  });
-  return colour;
+  constexpr std::size_t kColours = std::size(common::kLineColours);
+  static_assert(kCurveColours == 3 * kColours);
+  const std::size_t shade = index / kColours % 3;
+  const auto byte = [&](double c) {
+    return static_cast<std::uint8_t>(std::lround(255.0 * (shade == 0   ? c
+                                                          : shade == 1 ? 0.5 * c
+                                                                       : c + 0.45 * (1.0 - c))));
+  };
+  const common::Rgba& colour = common::kLineColours[index % kColours];
+  return {byte(colour.r), byte(colour.g), byte(colour.b)};
 }
 
 std::vector<Signal> signals_to_add(const SceneItem& item, std::span<const Channel> channels,

@@ -16,11 +16,7 @@ const ImVec4 kDimTextColour(0.36f, 0.40f, 0.46f, 1.0f), kWarningColour(0.75f, 0.
 constexpr std::size_t kMaxMetrics = 8;
 bool is_recording(const Status& status) { return status.timeline && status.timeline->is_recording; }
 
-// True for a sensor's channel: neither pin heights nor a command nor a register.
-bool is_sensor(const Channel& channel) {
-  return channel.name != "height" && !channel.name.starts_with("command: ") &&
-         !channel.name.starts_with(kRegisterPrefix);
-}
+bool is_sensor(const Channel& channel) { return channel.kind == scene::ChannelKind::kSensor; }
 
 constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone"};
 constexpr const char* kToolNames[] = {"pick", "drop", "poke", "break"};

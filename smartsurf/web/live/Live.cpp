@@ -51,8 +51,8 @@ Live& live() {
 const char* give(std::string text) { return (live().text = std::move(text)).c_str(); }
 
 // NAME=VALUE, one a line.
-std::vector<std::pair<std::string, std::string>> parse_overrides(std::string_view text) {
-  std::vector<std::pair<std::string, std::string>> overrides;
+scene::Overrides parse_overrides(std::string_view text) {
+  scene::Overrides overrides;
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(text.size(), line.size() + 1));

@@ -1,7 +1,10 @@
 """smartsurf export -o FILE.usd, .rrd, .mcap: the format's own reader finds the recording in the file. smartsurf fmu: a program
 that imports the unit sees the experiment, to the bit."""
 import random
+import re
 import textwrap
+import xml.etree.ElementTree
+import zipfile
 
 import h5py
 import numpy as np
@@ -251,6 +254,24 @@ reward(function(t, tick) return tick end)
 
 
 class Fmu(FormatTest):
+    def test_value_references_are_those_of_the_library(self):
+        self.write("table.lua", TABLE)
+        self.assertEqual(self.run_program(SMARTSURF, "fmu", "table.lua", "-o", "table.fmu"), (0, "", ""))
+        with zipfile.ZipFile(self.folder / "table.fmu") as unit:
+            variables = xml.etree.ElementTree.fromstring(unit.read("modelDescription.xml")).find("ModelVariables")
+        written = {variable.get("name").removeprefix("objects."): int(variable.get("valueReference")) for variable in variables}
+        for kind in ("actuator", "sensor"):
+            channels = sorted(reference for name, reference in written.items() if name.startswith(kind + "s."))
+            self.assertEqual(channels, list(range(channels[0], channels[0] + len(channels))))
+            written = {name: reference for name, reference in written.items() if not name.startswith(kind + "s.")}
+            written["first_" + kind] = channels[0]
+        library, following = {}, 0
+        source = (ROOT / "smartsurf/library/fmu/Fmu.cpp").read_text()
+        for name, given in re.findall(r"k(\w+)(?: = (\d+))?", re.search(r"enum Reference[^{]*\{(.*?)\}", source, re.S)[1]):
+            library[re.sub(r"(?<=.)([A-Z])", r"_\1", name).lower()] = int(given or following)
+            following = int(given or following) + 1
+        self.assertEqual(written, library)
+
     @needs("fmpy")
     def test_unit_is_the_experiment(self):
         self.write("table.lua", TABLE)

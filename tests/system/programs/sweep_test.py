@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "smartsurf/python"))
 from smartsurf._files import replaced  # noqa: E402
 from smartsurf.run import RunError, plot, run  # noqa: E402
 from smartsurf.success import success_curve, time_of_share  # noqa: E402
-from smartsurf.sweep import folder_name, quantile, samples, wilson  # noqa: E402
+from smartsurf.sweep import COLOURS, folder_name, quantile, samples, wilson  # noqa: E402
 
 SWEEP = str(ROOT / "scripts/sweep")
 
@@ -652,7 +652,12 @@ exec {APRON} run {idle} --shm "$2"
         drawing = (self.folder / "out/results.svg").read_text()
         # Text is drawn as outlines. Six runs and three medians, in their colours, each with its entry in the legend.
         self.assertGreaterEqual(drawing.count("rgb(49.80"), 7)
-        self.assertGreaterEqual(drawing.count("rgb(0%,44.70"), 4)
+        self.assertGreaterEqual(drawing.count("rgb(0%,45.09"), 4)
+
+    def test_colours_are_those_of_all_charts(self):
+        source = (ROOT / "common/color/LineColours.h").read_text()
+        shares = re.findall(r"\{(\d\.\d+), (\d\.\d+), (\d\.\d+)\}", source)
+        self.assertEqual(COLOURS, tuple("#" + "".join(f"{math.floor(255 * float(share) + 0.5):02x}" for share in rgb) for rgb in shares))
 
     def test_plot_has_the_medians_of_the_summary_and_names_what_differs(self):
         loader = importlib.machinery.SourceFileLoader("sweep_script", SWEEP)

@@ -211,7 +211,7 @@ TEST(KernelImport, SlidersByTheirHandles) {
 std::string errors(const std::string& text) {
   std::string lines;
   for (const ImportNote& note : import_text(text).notes)
-    if (note.is_error) lines += std::to_string(note.line) + ' ';
+    if (note.severity == Severity::kError) lines += std::to_string(note.line) + ' ';
   return lines;
 }
 

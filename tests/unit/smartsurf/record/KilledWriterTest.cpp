@@ -64,7 +64,7 @@ void expect_readable(const std::filesystem::path& path, std::size_t min_frames) 
     ASSERT_EQ(recording.ticks()[f], f);
     ASSERT_EQ(recording.state_hashes()[f], 0x8000000000000000u + f);
     ASSERT_EQ(p[9 * f + 3], SyntheticRun::x(f, 1));
-    ASSERT_EQ(recording.read_channel("sensors", "proximity", f)[2],
+    ASSERT_EQ(recording.read_channel(ChannelGroup::kSensors, "proximity", f)[2],
               static_cast<float>((f * 7919 + 4) % 1000));
   }
 }

@@ -204,15 +204,15 @@ TEST(Recorder, WritesRequestedChannels) {
   recorder->close({});
   const Recording recording = Recording::open(out / "run.h5");
   for (const std::size_t t : {0u, 63u, 64u, 99u}) {
-    EXPECT_EQ(recording.read_channel("sensors", "proximity", t), Channels(t).proximity);
-    const std::vector<float> colour = recording.read_channel("sensors", "colour", t);
+    EXPECT_EQ(recording.read_channel(ChannelGroup::kSensors, "proximity", t), Channels(t).proximity);
+    const std::vector<float> colour = recording.read_channel(ChannelGroup::kSensors, "colour", t);
     for (std::size_t cell = 0; cell < 24; ++cell)
       for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(colour[3 * cell + k], Channels(t).colour[24 * k + cell]);
-    EXPECT_EQ(recording.read_channel("actuators", "height", t), Channels(t).proximity);
+    EXPECT_EQ(recording.read_channel(ChannelGroup::kActuators, "height", t), Channels(t).proximity);
     EXPECT_EQ(recording.read_snapshot(t).height, run.snapshot_at(t, {}).height);
   }
-  EXPECT_THROW(recording.read_channel("sensors", "pressure", 0), InputError);
-  EXPECT_THROW(recording.read_channel("sensors", "proximity", 100), InputError);
+  EXPECT_THROW(recording.read_channel(ChannelGroup::kSensors, "pressure", 0), InputError);
+  EXPECT_THROW(recording.read_channel(ChannelGroup::kSensors, "proximity", 100), InputError);
 }
 
 // Sensors that nobody asks for stay in the file where they take at most a tenth of it. Tables, numbers of
@@ -254,7 +254,7 @@ TEST(Recorder, KeepsSensorsWhereTheyCostLittle) {
                  share = 1.0 - without / with;
     EXPECT_EQ(write("again.h5", scene::SensorRecording::kWhereCheap), chosen);
     EXPECT_EQ(content(out / "again.h5"), content(out / "cheap.h5"));
-    const bool has = !Recording::open(out / "cheap.h5").channel_names("sensors").empty();
+    const bool has = !Recording::open(out / "cheap.h5").channel_names(ChannelGroup::kSensors).empty();
     SCOPED_TRACE(testing::Message() << "seed " << seed << ", share " << share << ", frames " << frames);
     if (share < 0.07) {
       EXPECT_TRUE(has);
@@ -288,14 +288,17 @@ TEST(Recorder, KeepsUnitsAndRangesOfChannels) {
   recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, values.sensors(), actuators);
   recorder->close({});
   const Recording recording = Recording::open(out / "run.h5");
-  EXPECT_EQ(recording.channel_info("sensors", "proximity").unit, "u");
-  EXPECT_EQ(recording.channel_info("sensors", "proximity").maximum, 7.5);
-  EXPECT_EQ(recording.channel_info("sensors", "proximity").origin, (std::array{0.25, 0.0, 0.5}));
-  EXPECT_EQ(recording.channel_info("sensors", "proximity").direction, (std::array{0.0, -1.0, 0.0}));
-  EXPECT_FALSE(recording.channel_info("actuators", "height").direction);
-  EXPECT_EQ(recording.channel_info("sensors", "colour").unit, "") << "not a channel of the surface's sensors";
-  EXPECT_EQ(recording.channel_info("actuators", "height").unit, "u");
-  EXPECT_EQ(recording.channel_info("actuators", "height").maximum, run.spec.surface.pin.max_height);
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kSensors, "proximity").unit, "u");
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kSensors, "proximity").maximum, 7.5);
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kSensors, "proximity").origin, (std::array{0.25, 0.0, 0.5}));
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kSensors, "proximity").direction,
+            (std::array{0.0, -1.0, 0.0}));
+  EXPECT_FALSE(recording.channel_info(ChannelGroup::kActuators, "height").direction);
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kSensors, "colour").unit, "")
+      << "not a channel of the surface's sensors";
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kActuators, "height").unit, "u");
+  EXPECT_EQ(recording.channel_info(ChannelGroup::kActuators, "height").maximum,
+            run.spec.surface.pin.max_height);
 }
 
 TEST(Recorder, KeepsMetricsFromTheirFirstValueOn) {
@@ -362,7 +365,7 @@ TEST(Recorder, OmitsUnrequestedData) {
   EXPECT_EQ(recording.frames(), 1u);
   EXPECT_FALSE(recording.has_objects());
   EXPECT_THROW(recording.read_positions(0, 1), InputError);
-  EXPECT_THROW(recording.read_channel("sensors", "proximity", 0), InputError);
+  EXPECT_THROW(recording.read_channel(ChannelGroup::kSensors, "proximity", 0), InputError);
 }
 
 TEST(Recorder, IsReproducibleByteForByte) {

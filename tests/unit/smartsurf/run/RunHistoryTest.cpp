@@ -72,7 +72,7 @@ TEST(RunHistory, ReadsSignalsOfEveryStoredTick) {
   EXPECT_EQ(past.frame_at(5.55), 56u);
   EXPECT_EQ(past.frame_at(99.0), 60u);
   EXPECT_EQ(past.run_signals().size(), 4u);
-  using Metrics = std::vector<std::pair<std::string, double>>;
+  using scene::Metrics;
   EXPECT_EQ(past.metrics(past.at(past.frame_at(4.9) - begin)), (Metrics{{"error", 0.5}}));
   EXPECT_EQ(past.metrics(past.at(past.frame_at(5.5) - begin)), (Metrics{{"error", 0.5}, {"late", 55.0}}));
 }

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "smartsurf/scene/ChannelKind.h"
+#include "smartsurf/scene/ChannelName.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -32,9 +34,28 @@ TEST(SensorKind, BuiltInDefaultsAreValid) {
       EXPECT_LT(c.minimum, c.maximum) << c.name;
       EXPECT_TRUE(c.no_detection >= c.minimum && c.no_detection <= c.maximum) << c.name;
       EXPECT_TRUE(c.components >= 1 && c.components <= 64) << c.name;
-      EXPECT_LE(c.unit.size(), 15u) << c.name;
+      EXPECT_LE(c.unit.size(), kMaxChannelUnitLength) << c.name;
     }
   }
+}
+
+TEST(ChannelName, LengthIsThatOfTheRule) {
+  EXPECT_TRUE(is_channel_name(std::string(kMaxChannelNameLength, 'a')));
+  EXPECT_FALSE(is_channel_name(std::string(kMaxChannelNameLength + 1, 'a')));
+  EXPECT_TRUE(
+      std::string(kChannelNameRule).starts_with("1 to " + std::to_string(kMaxChannelNameLength) + " "));
+}
+
+TEST(ChannelKind, FullNamesAreParsedToTheirKinds) {
+  for (const ChannelKind kind : {ChannelKind::kSensor, ChannelKind::kCommand, ChannelKind::kRegister}) {
+    const std::string name = full_name(kind, "height[0]");
+    EXPECT_EQ(parse_channel(name).kind, kind) << name;
+    EXPECT_EQ(parse_channel(name).name, "height[0]") << name;
+  }
+  EXPECT_EQ(full_name(ChannelKind::kCommand, "height"), "command: height");
+  EXPECT_EQ(full_name(ChannelKind::kRegister, "A"), "apron:A");
+  EXPECT_EQ(parse_channel("height").kind, ChannelKind::kHeight);
+  EXPECT_EQ(parse_channel("apron").kind, ChannelKind::kSensor);
 }
 
 TEST(SensorKind, ErrorsNameTheField) {
