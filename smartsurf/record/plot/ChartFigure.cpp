@@ -93,6 +93,18 @@ void draw_point(cairo_t* cr, double x, double y, double radius) {
   cairo_fill(cr);
 }
 
+// Whole, also on the frame; a point outside is left out.
+void draw_point_in(cairo_t* cr, const PlotArea& area, double x, double y, double radius) {
+  constexpr double kRounding = 1e-6;
+  if (x < area.left - kRounding || x > area.right() + kRounding || y < area.top - kRounding ||
+      y > area.bottom() + kRounding)
+    return;
+  cairo_save(cr);
+  cairo_reset_clip(cr);
+  draw_point(cr, x, y, radius);
+  cairo_restore(cr);
+}
+
 }  // namespace
 
 ChartFigure::Panel::Panel(ChartSpec chart) : spec(std::move(chart)), axes(make_axes(spec)) {
@@ -132,17 +144,10 @@ bool ChartFigure::Panel::has_values() const {
   });
 }
 
-// Whole, also on the frame; those outside are left out.
 void ChartFigure::Panel::draw_points(cairo_t* cr, const ChartLayer& layer) const {
-  const PlotArea& area = axes.area();
-  constexpr double kRounding = 1e-6;
-  for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k) {
-    if (!has_place(layer.x[k], layer.y[k])) continue;
-    const double x = axes.px(layer.x[k]), y = axes.py(layer.y[k]);
-    const bool is_inside = x >= area.left - kRounding && x <= area.right() + kRounding &&
-                           y >= area.top - kRounding && y <= area.bottom() + kRounding;
-    if (is_inside) draw_point(cr, x, y, 3.0);
-  }
+  for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k)
+    if (has_place(layer.x[k], layer.y[k]))
+      draw_point_in(cr, axes.area(), axes.px(layer.x[k]), axes.py(layer.y[k]), 3.0);
 }
 
 // A long line is decimated: each bin draws its first, minimum, maximum and last value. A value between gaps
@@ -157,7 +162,7 @@ void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const L
     for (const Index i : piece) {
       const double x = axes.px(layer.x[i]), y = axes.py(value[i]);
       if (is_dot)
-        draw_point(cr, x, y, kDotRadius);
+        draw_point_in(cr, axes.area(), x, y, kDotRadius);
       else
         cairo_line_to(cr, x, y);
     }
@@ -278,15 +283,15 @@ void ChartFigure::Panel::draw(cairo_t* cr) const {
   cairo_restore(cr);
   axes.draw_axes(cr);
   axes.clip(cr, 0.5 * kLineWidth);
-  for (Index i = 0; i < std::ssize(spec.layers); ++i)
-    if (spec.layers[i].mark == Mark::kLine) draw_line(cr, spec.layers[i], style_of(spec, i));
+  for (Index i = 0; i < std::ssize(spec.layers); ++i) {
+    const ChartLayer& layer = spec.layers[i];
+    if (layer.mark == Mark::kLine) draw_line(cr, layer, style_of(spec, i));
+    if (layer.mark != Mark::kPoint && !layer.point) continue;
+    set_pen(cr, color_of(spec, i));
+    draw_points(cr, layer);
+  }
   if (spec.rule) draw_rule(cr);
   cairo_restore(cr);
-  for (Index i = 0; i < std::ssize(spec.layers); ++i) {
-    if (spec.layers[i].mark != Mark::kPoint && !spec.layers[i].point) continue;
-    set_pen(cr, color_of(spec, i));
-    draw_points(cr, spec.layers[i]);
-  }
   if (!has_values()) {
     const PlotArea& area = axes.area();
     set_pen(cr, kGreyPen);

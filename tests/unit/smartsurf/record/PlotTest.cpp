@@ -526,7 +526,8 @@ TEST_F(ChartFile, ZerosAndPointsOnTheFrameAreSeen) {
 
   draw(R"({"x": {"domain": [0, 1]}, "y": {"domain": [0, 1]}, "layers": [
       {"mark": "point", "color": "#0000ff", "x": [0, 0.5, 1, 1.01], "y": [0.5, 0, 1, 0.3]},
-      {"mark": "line", "color": "#0000ff", "x": [0, 1], "y": [0, 0]}]})");
+      {"mark": "line", "color": "#0000ff", "x": [0, 1], "y": [0, 0]},
+      {"mark": "line", "color": "#0000ff", "x": [1], "y": [0.7]}]})");
   const Image image(out / "figure.png");
   const ChartFigure figure = read_chart_file(out / "chart.json");
   const Chart& chart = figure.chart();
@@ -536,6 +537,7 @@ TEST_F(ChartFile, ZerosAndPointsOnTheFrameAreSeen) {
     EXPECT_TRUE(image.is_blue(chart.px(1.0), chart.py(1.0) + away)) << away;
   }
   EXPECT_TRUE(image.is_blue(chart.px(0.2), chart.py(0.0))) << "a line along the frame";
+  EXPECT_TRUE(image.is_blue(chart.px(1.0) + 1.5, chart.py(0.7))) << "a dot";
   EXPECT_FALSE(image.is_blue(chart.px(1.01), chart.py(0.3))) << "outside";
 }
 
