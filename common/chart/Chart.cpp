@@ -1,6 +1,7 @@
 #include "common/chart/Chart.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -24,9 +25,12 @@ void select_font(cairo_t* cr, double size, bool bold) {
 }
 
 constexpr double kLabelGap = kTickLength + 3.0;
-constexpr double kRightRoom = 20.0;                         // of tick labels beyond the area
-constexpr double kTitleDistance = 44.0, kTitleRoom = 22.0;  // from the area to the title of y, and beyond
-constexpr double kDigitWidth = 0.66 * kTickLabelSize;       // an estimate from above
+constexpr double kRightRoom = 20.0;                           // of tick labels beyond the area
+constexpr double kTitleDistance = 44.0, kTitleRoom = 22.0;    // from the area to the title of y, and beyond
+constexpr double kXTitleDistance = 36.0, kXTitleRoom = 16.0;  // from the area to the title of x, and beyond
+constexpr double kLineHeight = 12.0;                          // of tick labels
+constexpr double kMaxUpright = 0.15;                          // of the axis: length of upright names
+constexpr double kDigitWidth = 0.66 * kTickLabelSize;         // an estimate from above
 
 struct Ticks {
   std::vector<double> values;
@@ -64,6 +68,32 @@ Axis resolvable(Axis axis) {
   return axis;
 }
 
+// A name of two words stands on two lines.
+std::array<std::string, 2> lines_of(const std::string& name) {
+  const std::size_t space = name.find(' ');
+  return {name.substr(0, space), space == name.npos ? "" : name.substr(space + 1)};
+}
+
+// The length of the categories' names where they stand upright; 0 where they fit side by side.
+double upright_length(const std::vector<std::string>& categories, double width) {
+  const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> surface(
+      cairo_image_surface_create(CAIRO_FORMAT_A8, 1, 1), cairo_surface_destroy);
+  const std::unique_ptr<cairo_t, void (*)(cairo_t*)> cr(cairo_create(surface.get()), cairo_destroy);
+  double widest = 0.0, longest = 0.0;
+  for (const std::string& name : categories) {
+    longest = std::max(longest, text_width(cr.get(), name, kTickLabelSize));
+    for (const std::string& line : lines_of(name))
+      widest = std::max(widest, text_width(cr.get(), line, kTickLabelSize));
+  }
+  const double slot = width / std::max(1.0, static_cast<double>(categories.size()));
+  return kMinTextScale * widest <= slot ? 0.0 : std::min(longest, kMaxUpright * width);
+}
+
+double x_title_distance(const Axis& axis, double width) {
+  const double upright = upright_length(axis.categories, width);
+  return upright > 0.0 ? kLabelGap + upright + kLineHeight : kXTitleDistance;
+}
+
 std::uint32_t pack_rgb24(const Rgba& ink) {
   const auto byte = [](double v) { return static_cast<std::uint32_t>(std::lround(255.0 * v)); };
   return byte(ink.r) << 16 | byte(ink.g) << 8 | byte(ink.b);
@@ -77,6 +107,8 @@ double y_axis_room(const Axis& axis, double height) {
     longest = std::max(longest, label.size());
   return kTitleRoom + std::max(kTitleDistance, kDigitWidth * static_cast<double>(longest) + 2.0 * kLabelGap);
 }
+
+double x_axis_room(const Axis& axis, double width) { return x_title_distance(axis, width) + kXTitleRoom; }
 
 double Axis::fraction(double value) const {
   if (!log) return (value - min) / (max - min);
@@ -150,22 +182,34 @@ void Chart::draw_grid(cairo_t* cr) const {
     draw_line(cr, area_.left, py(value), area_.right(), py(value));
 }
 
+// Upright names that are closer than a line are thinned out.
+void Chart::draw_categories(cairo_t* cr) const {
+  const double slot = area_.width / std::max(1.0, static_cast<double>(x_.categories.size()));
+  const double upright = upright_length(x_.categories, area_.width);
+  const Index step =
+      upright > 0.0 ? std::max<Index>(1, static_cast<Index>(std::ceil(kLineHeight / slot))) : 1;
+  for (Index i = 0; i < std::ssize(x_.categories); i += step) {
+    const double x = px(static_cast<double>(i)), y = area_.bottom() + kTickLength + kLineHeight;
+    if (upright == 0.0) {
+      const auto [first, second] = lines_of(x_.categories[i]);
+      draw_text(cr, x, y, first, kTickLabelSize, Align::kCentre, false, slot);
+      draw_text(cr, x, y + kLineHeight, second, kTickLabelSize, Align::kCentre, false, slot);
+      continue;
+    }
+    cairo_save(cr);
+    cairo_translate(cr, x + 0.35 * kTickLabelSize, area_.bottom() + kLabelGap);
+    cairo_rotate(cr, -std::acos(-1.0) / 2.0);
+    draw_text(cr, 0.0, 0.0, x_.categories[i], kTickLabelSize, Align::kRight, false, upright);
+    cairo_restore(cr);
+  }
+}
+
 void Chart::draw_axes(cairo_t* cr) const {
   set_pen(cr, kBlack);
   cairo_rectangle(cr, area_.left, area_.top, area_.width, area_.height);
   cairo_stroke(cr);
-  const double label_y = area_.bottom() + kTickLength + 12.0;
-  const auto draw_label = [&](double x, double y, const std::string& text) {
-    draw_text(cr, x, y, text, kTickLabelSize, Align::kCentre, false,
-              area_.width / std::max(1.0, static_cast<double>(x_.categories.size())));
-  };
-  for (Index i = 0; i < std::ssize(x_.categories); ++i) {
-    // A name of two words stands on two lines.
-    const std::string& name = x_.categories[i];
-    const std::size_t space = name.find(' ');
-    draw_label(px(static_cast<double>(i)), label_y, name.substr(0, space));
-    if (space != name.npos) draw_label(px(static_cast<double>(i)), label_y + 12.0, name.substr(space + 1));
-  }
+  const double label_y = area_.bottom() + kTickLength + kLineHeight;
+  draw_categories(cr);
   if (x_.categories.empty()) {
     const Ticks ticks = ticks_of(x_, area_.width, 40.0);
     double widest = 0.0;
@@ -190,7 +234,8 @@ void Chart::draw_axes(cairo_t* cr) const {
     draw_text(cr, area_.left - kLabelGap, y + 4.0, ticks.labels[i], kTickLabelSize, Align::kRight);
     widest = std::max(widest, text_width(cr, ticks.labels[i], kTickLabelSize));
   }
-  draw_text(cr, area_.left + area_.width / 2.0, area_.bottom() + 36.0, x_.title, kTitleSize, Align::kCentre);
+  draw_text(cr, area_.left + area_.width / 2.0, area_.bottom() + x_title_distance(x_, area_.width), x_.title,
+            kTitleSize, Align::kCentre);
   cairo_save(cr);
   cairo_translate(cr, area_.left - std::max(kTitleDistance, widest + 2.0 * kLabelGap),
                   area_.top + area_.height / 2.0);
@@ -199,9 +244,10 @@ void Chart::draw_axes(cairo_t* cr) const {
   cairo_restore(cr);
 }
 
-void Chart::clip(cairo_t* cr) const {
+void Chart::clip(cairo_t* cr, double margin) const {
   cairo_save(cr);
-  cairo_rectangle(cr, area_.left, area_.top, area_.width, area_.height);
+  cairo_rectangle(cr, area_.left - margin, area_.top - margin, area_.width + 2.0 * margin,
+                  area_.height + 2.0 * margin);
   cairo_clip(cr);
 }
 

@@ -36,6 +36,10 @@ struct PlotArea {
 // The room that the tick labels and the title of a y axis need beside the area, at least 66 points.
 double y_axis_room(const Axis& axis, double height);
 
+// The room that the tick labels or the categories, and the title, of an x axis need below the area. Names of
+// categories that do not fit side by side stand upright.
+double x_axis_room(const Axis& axis, double width);
+
 // A picture that can be drawn on any Cairo context.
 class Figure {
  public:
@@ -56,9 +60,12 @@ class Chart {
   // Draws the frame, tick marks, tick labels and axis titles.
   void draw_axes(cairo_t* cr) const;
   void draw_grid(cairo_t* cr) const;  // a line at each tick of y
-  void clip(cairo_t* cr) const;       // clips to the area until cairo_restore()
+  // Clips to the area, and to `margin` points around it, until cairo_restore().
+  void clip(cairo_t* cr, double margin = 0.0) const;
 
  private:
+  void draw_categories(cairo_t* cr) const;
+
   PlotArea area_;
   Axis x_, y_;
 };

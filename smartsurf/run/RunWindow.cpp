@@ -177,6 +177,8 @@ view::Banner Run::result_banner() const {
   constexpr std::size_t kMaxMetrics = 8;
   for (const auto& [name, value] : s.metrics | std::views::take(kMaxMetrics))
     banner.lines.push_back(fmt::format("{}: {:.6g}", name, value));
+  if (s.metrics.size() > kMaxMetrics)
+    banner.lines.push_back(fmt::format("and {} more metrics", s.metrics.size() - kMaxMetrics));
   for (const std::string& file : written_files()) banner.lines.push_back("wrote " + file);
   banner.lines.push_back("The timeline looks back.  Q closes the window.");
   return banner;

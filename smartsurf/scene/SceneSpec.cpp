@@ -226,6 +226,11 @@ bool SurfaceSpec::has_hexagonal_tops() const {
   return true;
 }
 
+bool SurfaceSpec::has_narrow_gaps() const {
+  constexpr double kWidest = 0.25;  // in pitches
+  return cell_poses.empty() && pitch - std::min(pin.top_x, pin.top_y) <= kWidest * pitch;
+}
+
 ActuatorSpec make_pin_actuator(const PinSpec& pin) {
   ActuatorSpec spec = find_actuator_kind("pin")->default_spec();
   spec.values["top"] = {pin.top_x, pin.top_y};

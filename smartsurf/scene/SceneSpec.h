@@ -231,6 +231,9 @@ struct SurfaceSpec {
   // tile's does: views draw the tops as hexagons, `pin.top_x` wide between the sides in the west and in the
   // east. O(cells).
   bool has_hexagonal_tops() const;
+  // True if the grid is rectangular and the gaps between tops are at most a quarter of the pitch: views close
+  // such gaps at the table's edge, through which the background would flicker.
+  bool has_narrow_gaps() const;
   // True if the surface has the occupancy channel. O(cells).
   bool has_empty_cells() const;
   // The readings of this channel, row-major: 1 for a cell, 0 for an empty one. Empty if no cell is empty.
@@ -265,9 +268,14 @@ struct RecordSpec {
 
 // An option declared by the script: listed by --help, set by --set name=value.
 struct OptionSpec {
+  enum class Kind { kInteger, kReal, kBool, kText };
+
   std::string name;
   std::string value;  // the default or the value of --set, as text
   std::string help;
+  Kind kind = Kind::kText;                          // kText also in recordings, which keep the text
+  std::optional<std::array<double, 2>> range = {};  // low and high of a number; empty = any
+  std::vector<std::string> choices = {};            // of a text; empty = any
 };
 
 struct SceneSpec {

@@ -142,6 +142,7 @@ json scene_json(const scene::SceneSpec& spec, std::span<const scene::ObjectSpec>
           {"high", s.pin.max_height},
           {"border", s.border_height ? json(*s.border_height) : json()},
           {"place", cell_poses_json(s)},
+          {"narrowGaps", s.has_narrow_gaps()},
           {"hexagonal", s.has_hexagonal_tops()},
           {"skin", skin_json(s, geometry)},
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},

@@ -126,10 +126,10 @@ export function makeTable(scene, series, renderer, state) {
   pins.frustumCulled = false;
   world.add(pins);
   const matrix = new THREE.Matrix4(), scale = new THREE.Vector3();
-  // The border of a rectangular grid is four closed walls, and the gaps between its pins end at a dark floor, so that the
-  // ground does not show through. Other layouts, and tables with empty cells, have neither.
+  // The border of a rectangular grid with narrow gaps is four closed walls, and the gaps between its pins end at a dark
+  // floor, so that the ground does not show through. Other layouts, and tables with empty cells, have neither.
   const border = colourFrom(scene.colours.border);
-  const walls = [], kFullGrid = !scene.place && there.length === cells;
+  const walls = [], kFullGrid = scene.narrowGaps && there.length === cells;
   function addWall(x, y, width, depth, outwards) {
     const wall = new THREE.Mesh(pins.geometry, new THREE.MeshLambertMaterial({ color: border }));
     wall.position.set(x, y, 0);
@@ -322,7 +322,8 @@ export function makeTable(scene, series, renderer, state) {
     return label ? `Object ${id}: ${label}` : `Object ${id}`;
   }
   const cellName = (cell) => `Cell, row ${Math.floor(cell / scene.columns)}, column ${cell % scene.columns}`;
-  const channelTitle = ({ name, unit }) => name.replace('/', ': ') + (unit ? `, ${unit}` : '');
+  const shownUnit = (unit) => unit.replaceAll('*', '·').replaceAll('^2', '²').replaceAll('^3', '³');  // "mass*u/s^2"
+  const channelTitle = ({ name, unit }) => name.replace('/', ': ') + (unit ? `, ${shownUnit(unit)}` : '');
 
   // The quantities of the selection that can be plotted: a name, and the value at a frame.
   function quantities() {

@@ -402,6 +402,13 @@ void validate_ui_options(RawOptions& raw) {
   for (const std::string& text : raw.screenshots) parse_screenshot(raw, text);
   if (options.window && (!options.screenshots.empty() || !options.video.empty()))
     refuse("--window", "cannot be combined with --screenshot or --video, which need no display");
+  for (const Screenshot& screenshot : options.screenshots)
+    if (screenshot.tick && options.ticks && *screenshot.tick > *options.ticks)
+      refuse("--screenshot", "'{}@{}': the run ends before, --ticks {}", screenshot.file, *screenshot.tick,
+             *options.ticks);
+  const WindowGeometry& size = options.geometry;
+  if (!options.video.empty() && (size.width % 2 != 0 || size.height % 2 != 0))
+    refuse("--geometry", "'{}': a video needs even numbers", raw.geometry);
   if (options.window && options.reconnect) refuse("--window", "cannot be combined with --reconnect");
   if (options.hold && !options.window) refuse("--hold", "requires --window");
   if (options.reset_layout && !options.window) refuse("--reset-layout", "requires --window");

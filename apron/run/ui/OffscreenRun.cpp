@@ -1,4 +1,6 @@
 // Renders screenshots and videos without a display, timed by the simulated clock.
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <memory>
 
@@ -7,6 +9,7 @@
 #include "common/error/UserError.h"
 #include "common/image/Png.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 #include "common/video/VideoEncoder.h"
 
 namespace apron::run {
@@ -18,8 +21,8 @@ class OffscreenRecorder {
  public:
   explicit OffscreenRecorder(UiRunContext& context)
       : context_(context),
-        width_(even_size(context.run.options.geometry.width, kViewWidth)),
-        height_(even_size(context.run.options.geometry.height, kViewHeight)),
+        width_(size_or(kViewWidth, context.run.options.geometry.width)),
+        height_(size_or(kViewHeight, context.run.options.geometry.height)),
         offscreen_(width_, height_),
         pending_(context.run.options.screenshots) {
     for (const Screenshot& screenshot : pending_) {
@@ -46,16 +49,19 @@ class OffscreenRecorder {
     encode_due_frames();
   }
   void capture_final() {
-    for (const Screenshot& screenshot : pending_) common::write_png(screenshot.file, render_still());
+    for (const Screenshot& screenshot : pending_) {
+      common::write_png(screenshot.file, render_still());
+      if (screenshot.tick)
+        common::print_error_line("apron",
+                                 fmt::format("{} shows the end at tick {}: the run did not reach tick {}",
+                                             screenshot.file, context_.session.ticks(), *screenshot.tick));
+    }
     if (encoder_ && frames_ == 0) encoder_->add(render_still());
     if (encoder_) encoder_->finish();
   }
 
  private:
-  // Video frames require even dimensions.
-  static int even_size(int requested, int default_size) {
-    return (requested > 0 ? requested : default_size) / 2 * 2;
-  }
+  static int size_or(int default_size, int requested) { return requested > 0 ? requested : default_size; }
 
   void update_model() {
     debugger::DebugSnapshot snapshot;

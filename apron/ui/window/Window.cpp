@@ -7,6 +7,7 @@
 #include <backends/imgui_impl_opengl3.h>
 
 #include <algorithm>
+#include <set>
 
 #include "apron/ui/Gui.h"
 #include "apron/ui/panels/Panels.h"
@@ -108,12 +109,44 @@ class GlfwContext {
   GLFWwindow* window_ = nullptr;
 };
 
+// ImGui reads once a frame which keys are down. A key that goes down and up between two frames stays down for
+// the next one.
 class GuiInput {
  public:
-  explicit GuiInput(GLFWwindow* window) { ImGui_ImplGlfw_InitForOpenGL(window, true); }
+  explicit GuiInput(GLFWwindow* window) {
+    glfwSetWindowUserPointer(window, this);
+    glfwSetKeyCallback(window, [](GLFWwindow* of, int key, int, int action, int) {
+      static_cast<GuiInput*>(glfwGetWindowUserPointer(of))->record(key, action);
+    });
+    ImGui_ImplGlfw_InitForOpenGL(window, true);  // chains the callback
+  }
   ~GuiInput() { ImGui_ImplGlfw_Shutdown(); }
   GuiInput(const GuiInput&) = delete;
   GuiInput& operator=(const GuiInput&) = delete;
+
+  // Around a frame, after the events before it.
+  void begin_frame() { set_tapped(true); }
+  void end_frame() {
+    set_tapped(false);
+    pressed_.clear();
+    tapped_.clear();
+  }
+
+ private:
+  void record(int key, int action) {
+    if (action == GLFW_PRESS) pressed_.insert(key);
+    if (action == GLFW_RELEASE && pressed_.contains(key)) tapped_.insert(key);
+  }
+  void set_tapped(bool down) {
+    ImGuiIO& io = ImGui::GetIO();
+    for (const int key : tapped_)
+      if (key >= 0 && key < IM_ARRAYSIZE(io.KeysDown)) io.KeysDown[key] = down;
+    io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
+    io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
+    io.KeyAlt = io.KeysDown[GLFW_KEY_LEFT_ALT] || io.KeysDown[GLFW_KEY_RIGHT_ALT];
+  }
+
+  std::set<int> pressed_, tapped_;  // GLFW's codes, since the last frame; pressed and released
 };
 
 }  // namespace
@@ -129,11 +162,13 @@ struct Window::State {
   void draw(ViewModel& model) {
     ImGui_ImplOpenGL3_NewFrame();
     ImGui_ImplGlfw_NewFrame();
+    input.begin_frame();
     ImGui::NewFrame();
     if (ImGui::IsKeyPressed(GLFW_KEY_F1, false)) model.help_shown = !model.help_shown;
     DrawContext context{model, textures, gui};
     draw_window(context);
     ImGui::Render();
+    input.end_frame();
     glViewport(0, 0, width, height);
     glClearColor(1.0F, 1.0F, 1.0F, 1.0F);
     glClear(GL_COLOR_BUFFER_BIT);

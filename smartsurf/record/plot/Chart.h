@@ -31,6 +31,7 @@ using common::set_pen;
 using common::text_width;
 using common::tick_labels;
 using common::tick_values;
+using common::x_axis_room;
 using common::y_axis_room;
 
 struct LineStyle {

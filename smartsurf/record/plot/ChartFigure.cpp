@@ -13,7 +13,7 @@ namespace {
 using common::Index;
 using Mark = ChartLayer::Mark;
 
-constexpr double kLeft = 66.0, kRight = 24.0, kBottom = 52.0, kTitleHeight = 34.0;
+constexpr double kLeft = 66.0, kRight = 24.0, kTitleHeight = 34.0;
 constexpr double kLegendRow = 20.0, kLineWidth = 1.8, kDotRadius = 2.2;
 constexpr Index kMaxBins = 1440;     // two per point of width; more cannot be resolved
 constexpr double kGroupWidth = 0.8;  // of the bars of a category
@@ -75,23 +75,34 @@ Axis make_axis(const ChartSpec& spec, const ChartAxis& axis, std::vector<double>
   // Start at zero if the values still fill more than half of the axis.
   if (low > 0.0 && low < 0.5 * high) low = 0.0;
   const double margin = axis_margin(low, high, 0.04);
-  const bool hangs = has_bars && high == 0.0 && low < 0.0;
-  return {low - (low == 0.0 ? 0.0 : margin), high + (hangs ? 0.0 : margin), axis.title};
+  const bool hangs = has_bars && high == 0.0 && low < 0.0, stands = low == 0.0 && (has_bars || high > 0.0);
+  return {low - (stands ? 0.0 : margin), high + (hangs ? 0.0 : margin), axis.title};
 }
 
 Chart make_axes(const ChartSpec& spec) {
   const double top = spec.title.empty() ? 14.0 : spec.subtitle.empty() ? 42.0 : 62.0;
-  const double height = spec.height - top - kBottom;
-  Axis y = make_axis(spec, spec.y, &ChartLayer::y);
-  const double left = std::min(y_axis_room(y, height), spec.width / 2.0);
-  return {
-      {left, top, spec.width - left - kRight, height}, make_axis(spec, spec.x, &ChartLayer::x), std::move(y)};
+  Axis x = make_axis(spec, spec.x, &ChartLayer::x), y = make_axis(spec, spec.y, &ChartLayer::y);
+  const double left = std::min(y_axis_room(y, spec.height - top), spec.width / 2.0),
+               width = spec.width - left - kRight;
+  return {{left, top, width, spec.height - top - x_axis_room(x, width)}, std::move(x), std::move(y)};
 }
 
 void draw_point(cairo_t* cr, double x, double y, double radius) {
   cairo_new_sub_path(cr);
   cairo_arc(cr, x, y, radius, 0.0, 2.0 * std::acos(-1.0));
   cairo_fill(cr);
+}
+
+// Whole, also on the frame; a point outside is left out.
+void draw_point_in(cairo_t* cr, const PlotArea& area, double x, double y, double radius) {
+  constexpr double kRounding = 1e-6;
+  if (x < area.left - kRounding || x > area.right() + kRounding || y < area.top - kRounding ||
+      y > area.bottom() + kRounding)
+    return;
+  cairo_save(cr);
+  cairo_reset_clip(cr);
+  draw_point(cr, x, y, radius);
+  cairo_restore(cr);
 }
 
 }  // namespace
@@ -114,6 +125,31 @@ double ChartFigure::Panel::height() const {
   return spec.height + kLegendRow * static_cast<double>((std::ssize(legend) + columns - 1) / columns);
 }
 
+// Logarithmic axes have places for positive numbers alone.
+bool ChartFigure::Panel::has_place(double x, double y) const {
+  const auto is_on = [](const ChartAxis& axis, double value) {
+    return std::isfinite(value) && !(axis.log && value <= 0.0);
+  };
+  return is_on(spec.x, x) && is_on(spec.y, y);
+}
+
+bool ChartFigure::Panel::has_values() const {
+  return std::ranges::any_of(spec.layers, [&](const ChartLayer& layer) {
+    if (is_image(layer)) return true;
+    const Index count =
+        is_bar(layer) ? std::ssize(layer.y) : std::min(std::ssize(layer.x), std::ssize(layer.y));
+    for (Index i = 0; i < count; ++i)
+      if (is_bar(layer) ? std::isfinite(layer.y[i]) : has_place(layer.x[i], layer.y[i])) return true;
+    return false;
+  });
+}
+
+void ChartFigure::Panel::draw_points(cairo_t* cr, const ChartLayer& layer) const {
+  for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k)
+    if (has_place(layer.x[k], layer.y[k]))
+      draw_point_in(cr, axes.area(), axes.px(layer.x[k]), axes.py(layer.y[k]), 3.0);
+}
+
 // A long line is decimated: each bin draws its first, minimum, maximum and last value. A value between gaps
 // is a dot.
 void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const LineStyle& style) const {
@@ -126,7 +162,7 @@ void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const L
     for (const Index i : piece) {
       const double x = axes.px(layer.x[i]), y = axes.py(value[i]);
       if (is_dot)
-        draw_point(cr, x, y, kDotRadius);
+        draw_point_in(cr, axes.area(), x, y, kDotRadius);
       else
         cairo_line_to(cr, x, y);
     }
@@ -136,7 +172,7 @@ void ChartFigure::Panel::draw_line(cairo_t* cr, const ChartLayer& layer, const L
   set_pen(cr, style.color, kLineWidth);
   cairo_set_dash(cr, style.dashes.data(), static_cast<int>(style.dashes.size()), 0.0);
   cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
-  const auto is_shown = [&](Index i) { return std::isfinite(value[i]) && std::isfinite(layer.x[i]); };
+  const auto is_shown = [&](Index i) { return has_place(layer.x[i], value[i]); };
   for (Index first = 0; first < count; first += bin_size) {
     const Index end = std::min(first + bin_size, count);
     for (Index from = first; from < end;) {
@@ -237,23 +273,31 @@ void ChartFigure::Panel::draw_legend(cairo_t* cr) const {
   }
 }
 
+// Lines and points are drawn over the frame, which would cut and hide them where they lie on it.
 void ChartFigure::Panel::draw(cairo_t* cr) const {
   axes.clip(cr);
   axes.draw_grid(cr);
   draw_bars(cr);
+  for (const ChartLayer& layer : spec.layers)
+    if (is_image(layer)) draw_image(cr, layer);
+  cairo_restore(cr);
+  axes.draw_axes(cr);
+  axes.clip(cr, 0.5 * kLineWidth);
   for (Index i = 0; i < std::ssize(spec.layers); ++i) {
     const ChartLayer& layer = spec.layers[i];
     if (layer.mark == Mark::kLine) draw_line(cr, layer, style_of(spec, i));
-    if (is_image(layer)) draw_image(cr, layer);
     if (layer.mark != Mark::kPoint && !layer.point) continue;
     set_pen(cr, color_of(spec, i));
-    for (Index k = 0; k < std::min(std::ssize(layer.x), std::ssize(layer.y)); ++k)
-      if (std::isfinite(layer.x[k]) && std::isfinite(layer.y[k]))
-        draw_point(cr, axes.px(layer.x[k]), axes.py(layer.y[k]), 3.0);
+    draw_points(cr, layer);
   }
   if (spec.rule) draw_rule(cr);
   cairo_restore(cr);
-  axes.draw_axes(cr);
+  if (!has_values()) {
+    const PlotArea& area = axes.area();
+    set_pen(cr, kGreyPen);
+    draw_text(cr, area.left + 0.5 * area.width, area.top + 0.5 * area.height, "no values", 13.0,
+              Align::kCentre);
+  }
   const double left = axes.area().left, width = axes.area().width;
   set_pen(cr, kBlack);
   draw_text(cr, left, 28.0, spec.title, 17.0, Align::kLeft, true, width);

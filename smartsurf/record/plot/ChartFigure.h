@@ -19,8 +19,10 @@ struct ChartLayer {
   Mark mark = Mark::kLine;
   std::string name = {};  // in the legend; "" = not there
   std::optional<Rgba> color = {};
-  bool point = false;                         // a line has a point at each value
-  std::vector<double> x = {}, y = {};         // not finite: the line has a gap, the bar is missing
+  bool point = false;  // a line has a point at each value
+  std::vector<double>
+      x = {},
+      y = {};  // not finite, or ≤ 0 on a logarithmic axis: the line has a gap, the bar is missing
   std::vector<std::vector<int>> values = {};  // kRect: rows of indices into `colors`; row r is at y = r
   std::vector<std::string> labels = {};       // kRect: of the colours, in the legend
   std::vector<Rgba> colors = {};
@@ -66,7 +68,10 @@ class ChartFigure final : public Figure {
     double height() const;
     double legend_entry() const;  // width of an entry of the legend
     common::Index legend_columns() const;
+    bool has_place(double x, double y) const;
+    bool has_values() const;
     void draw(cairo_t* cr) const;
+    void draw_points(cairo_t* cr, const ChartLayer& layer) const;
     void draw_line(cairo_t* cr, const ChartLayer& layer, const LineStyle& style) const;
     void draw_bars(cairo_t* cr) const;
     void draw_image(cairo_t* cr, const ChartLayer& layer) const;

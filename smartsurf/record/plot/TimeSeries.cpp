@@ -8,6 +8,7 @@
 
 #include "common/text/Number.h"
 #include "common/text/Suggestion.h"
+#include "common/text/Unit.h"
 #include "common/text/Words.h"
 #include "smartsurf/scene/ChannelKind.h"
 
@@ -143,7 +144,7 @@ TimeSeries channel_series(const Recording& recording, const std::string& shown, 
                                     : "[0] to " + channel.name + "[" + std::to_string(components - 1) + "]"));
   require_cells(shown, cells);
   const std::string unit = recording.channel_info(channel.group, channel.name).unit;
-  TimeSeries result{"Channel " + shown, unit.empty() ? shown : shown + " [" + unit + "]", {}};
+  TimeSeries result{"Channel " + shown, common::with_unit(shown, unit), {}};
   for (const std::string& text : cells) {
     const Cell cell = parse_cell(recording, shown, text);
     const std::vector<float> values =

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "common/files/AtomicFile.h"
+#include "common/text/Unit.h"
 #include "smartsurf/record/plot/Plot.h"
 
 namespace smartsurf::run {
@@ -17,12 +18,11 @@ record::TimeSeries time_series(const view::PlotExport& plot) {
   const bool same_unit = std::ranges::all_of(
       plot.series, [&](const view::PlotExport::Series& series) { return series.unit == unit; });
   record::TimeSeries result{plot.series.size() == 1 ? plot.series.front().name : "Signals",
-                            same_unit && !unit.empty() ? "[" + unit + "]" : "value",
+                            same_unit && !unit.empty() ? "[" + common::typeset_unit(unit) + "]" : "value",
                             {}};
   for (const view::PlotExport::Series& series : plot.series)
     result.curves.push_back(
-        {same_unit || series.unit.empty() ? series.name : series.name + " [" + series.unit + "]",
-         series.values});
+        {same_unit ? series.name : common::with_unit(series.name, series.unit), series.values});
   return result;
 }
 

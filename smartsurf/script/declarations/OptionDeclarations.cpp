@@ -139,24 +139,40 @@ void require_allowed(ScriptContext& context, lua_State* L, const std::string& na
   throw_invalid_value(L, 2, "option '" + name + "': default", requirement);
 }
 
+// Of the value on top of the stack, whose type is that of the default at index 2. An integer may be set to a
+// real number.
+scene::OptionSpec::Kind option_kind(lua_State* L) {
+  using Kind = scene::OptionSpec::Kind;
+  const int type = lua_type(L, 2);
+  if (type == LUA_TBOOLEAN) return Kind::kBool;
+  if (type == LUA_TSTRING) return Kind::kText;
+  return lua_isinteger(L, 2) != 0 && lua_isinteger(L, -1) != 0 ? Kind::kInteger : Kind::kReal;
+}
+
 int option(ScriptContext& context, lua_State* L) {
   require_loading(context, "option");
   lua_settop(L, 4);
   const std::string name = check_string(L, 1, "option: name");
   if (!is_name(name) || !std::isalpha(static_cast<unsigned char>(name[0])))
     throw_invalid_value(L, 1, "option: name", std::string(kNameRule) + ", a letter first");
-  std::string help = lua_isnil(L, 3) ? "" : check_string(L, 3, "option '" + name + "': help");
+  scene::OptionSpec spec{.name = name,
+                         .value = {},
+                         .help = lua_isnil(L, 3) ? "" : check_string(L, 3, "option '" + name + "': help")};
   declare_once(context, L, "option '" + name + "'");
   if (context.spec.options.size() >= kMaxOptions) throw ScriptError("option: more than 1000 options");
   push_option_value(context, L, name);
   if (!lua_isnil(L, 4)) {
     const Allowed allowed = check_allowed(L, name);
     require_allowed(context, L, name, allowed);
-    help += (help.empty() ? "" : "; ") + to_text(allowed);
+    spec.help += (spec.help.empty() ? "" : "; ") + to_text(allowed);
+    if (allowed.words.empty()) spec.range = {allowed.ends[0], allowed.ends[1]};
+    spec.choices = allowed.words;
   }
+  spec.kind = option_kind(L);
   std::size_t length = 0;
   const char* const text = luaL_tolstring(L, -1, &length);
-  context.spec.options.push_back({name, std::string(text, length), help});
+  spec.value.assign(text, length);
+  context.spec.options.push_back(std::move(spec));
   lua_pop(L, 1);
   return 1;
 }

@@ -33,7 +33,7 @@ class PinLayer {
   // Draws distant pins, whose gaps are at most a few pixels wide: gaps between level pins are painted on the
   // tops, and the sides hidden by that are skipped.
   void draw_closed_gaps(RenderPass pass, const EyePosition& eye);
-  // draw_closed_gaps() exists only for kColourFast and regular grids.
+  // draw_closed_gaps() exists only for kColourFast and narrow gaps.
   bool can_close_gaps() const { return closed_colour_.id() != 0; }
 
  private:
@@ -41,7 +41,7 @@ class PinLayer {
 
   std::array<float, 4> pin_size_;
   float ground_z_, max_side_depth_, level_tolerance_;
-  bool sealed_;     // the outermost ring closes its gaps; not in free layouts
+  bool sealed_;     // the outermost ring closes its gaps, which are narrow
   bool hexagonal_;  // three prisms are a hexagon
   std::span<const PinInstance> pins_;
   VertexArray vertex_array_;

@@ -49,7 +49,7 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
       ground_z_(static_cast<float>(s.ground_height())),
       max_side_depth_(max_side_depth(s, colour_pass)),
       level_tolerance_(static_cast<float>(kLevelTolerance * s.pitch)),
-      sealed_(s.cell_poses.empty()),
+      sealed_(s.has_narrow_gaps()),
       hexagonal_(s.has_hexagonal_tops()),
       vertex_array_(make_vertex_array()),
       index_buffer_(make_buffer()),
@@ -59,7 +59,7 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, RenderPass colour_pass)
   const auto shadow = pin_shaders(RenderPass::kShadow), colour = pin_shaders(colour_pass);
   shadow_ = link_program("pin shadow", shadow.vertex, shadow.fragment);
   colour_ = link_program("pin", colour.vertex, colour.fragment);
-  if (colour_pass == RenderPass::kColourFast && s.cell_poses.empty()) {
+  if (colour_pass == RenderPass::kColourFast && sealed_) {
     const auto closed_shadow = pin_shaders(RenderPass::kShadow, true),
                closed_colour = pin_shaders(colour_pass, true);
     closed_shadow_ = link_program("pin shadow, closed", closed_shadow.vertex, closed_shadow.fragment);

@@ -14,7 +14,7 @@ out vec2 across;        // offset from the face's middle, 1 at the pin's edge; t
 flat out vec2 gap;      // brightness of the gap across x and across y
 flat out vec4 closed;   // 1 where the gap to the west, east, south, north is closed, else 0
 #endif
-uniform float sealed;   // 1: the sides of the outermost ring close the gaps beside them; 0: a free layout
+uniform float sealed;   // 1: the sides of the outermost ring close the gaps beside them; 0: wide gaps
 uniform float level;    // a gap beside a neighbour counts as closed if its top is at most this much lower
 out float beyond;       // along a side of the outermost ring, 1 at the pin's edge; the gap lies beyond 1
 #ifdef FAST

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "smartsurf/view/model/TableBounds.h"
+
 namespace smartsurf::view {
 namespace {
 
@@ -148,7 +150,13 @@ void Controls::reset(std::vector<NamedValue> options) {
   commands_.options = std::move(options);
 }
 
-void Controls::update_camera(const scene::Snapshot& snapshot) {
+void Controls::update_camera(const scene::Snapshot& snapshot,
+                             const std::vector<scene::ObjectSpec>& catalogue) {
+  if (fits_to_objects_) {
+    fits_to_objects_ = false;
+    fitted_corners_ = corners_of_objects_over(surface_, snapshot, catalogue);
+    if (!camera_moved_) fit_camera();
+  }
   if (!followed_) return;
   const auto i = find_object_index(snapshot, *followed_);
   if (!i) return followed_.reset();
@@ -208,15 +216,19 @@ void Controls::handle_scroll(double notches) {
 void Controls::resize(double aspect) {
   if (aspect == aspect_) return;
   aspect_ = aspect;
-  if (!camera_moved_) apply_view(view_);
+  if (!camera_moved_) fit_camera();
 }
 
 void Controls::apply_view(const CameraView& view) {
   view_ = view;
   followed_.reset();
-  camera_ = Camera::from_view(surface_, view, aspect_);
+  fitted_corners_.clear();
+  fits_to_objects_ = true;
   camera_moved_ = false;
+  fit_camera();
 }
+
+void Controls::fit_camera() { camera_ = Camera::from_view(surface_, view_, aspect_, fitted_corners_); }
 
 void Controls::apply(const ViewSettings& settings) {
   fill_mode_ = settings.fill_mode;

@@ -164,7 +164,7 @@ class Controls {
   void orbit_or_pan(PointerDrag kind, double dx, double dy, double height);
   void handle_scroll(double notches);
   // Sets the image's aspect ratio (width / height). If it changes and the camera has not been moved since its
-  // preset was applied, the preset is applied again.
+  // preset was applied, the camera is fitted again.
   void resize(double aspect);
 
   void apply(const ViewSettings& settings);
@@ -178,8 +178,10 @@ class Controls {
   void reset(std::vector<NamedValue> options);
   void follow(std::optional<scene::ObjectId> object) { followed_ = object; }
   const std::optional<scene::ObjectId>& followed() const { return followed_; }
-  // Call before drawing: moves the camera to the followed object, and stops following once it is removed.
-  void update_camera(const scene::Snapshot& snapshot);
+  // Call before drawing: moves the camera to the followed object, and stops following once it is removed. A
+  // preset that has been applied since the last call is fitted to the objects over the table, too.
+  // catalogue: index = object id.
+  void update_camera(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue);
 
   // Returns the commands since the last call and clears them, except for an active pull or poke.
   Commands take_commands();
@@ -209,6 +211,7 @@ class Controls {
 
  private:
   void apply_view(const CameraView& view);
+  void fit_camera();
   void perform_view_action(UiAction action);
   void toggle_display_option(UiAction action);
   void select_next_channel();
@@ -217,6 +220,8 @@ class Controls {
   scene::SurfaceSpec surface_;
   Camera camera_;
   CameraView view_;
+  std::vector<Eigen::Vector3d> fitted_corners_;  // of the objects to which the view is fitted
+  bool fits_to_objects_ = true;                  // at the next update_camera()
   double aspect_ = 16.0 / 9.0;
   bool camera_moved_ = false, help_ = false, grid_ = true, screenshot_requested_ = false;
   bool video_requested_ = false, panels_ = true, labels_ = false, entities_ = false, plots_ = false;

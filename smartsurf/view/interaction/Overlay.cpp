@@ -119,9 +119,8 @@ void Overlay::fit_to_values(const Channel& channel, ColourScale& scale) {
   if (std::exchange(fitted_channel_, channel.name) != channel.name) fitted_high_ = 0.0F;
   if (largest > fitted_high_ || (largest > 0.0F && largest < 0.2F * fitted_high_))
     fitted_high_ = static_cast<float>(round_up(double{largest}));
-  if (!(fitted_high_ > 0.0F)) return;
-  scale.high = fitted_high_;
-  if (scale.low < 0.0F) scale.low = -fitted_high_;
+  scale.high = fitted_high_ > 0.0F ? fitted_high_ : 1.0F;  // 1: nothing but zeros yet
+  if (scale.low < 0.0F) scale.low = -scale.high;
 }
 
 void Overlay::apply_cell_colours(const FrameInput& input, DrawOptions& options) {

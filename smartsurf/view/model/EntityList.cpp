@@ -4,6 +4,7 @@
 #include <charconv>
 #include <optional>
 
+#include "common/text/Unit.h"
 #include "common/text/Words.h"
 
 namespace smartsurf::view {
@@ -60,7 +61,7 @@ const std::vector<Entity>& EntityList::find(std::string_view query, const scene:
     entities_.push_back({Entity::Kind::kCell, "cell " + std::string(query), *cell, ""});
   const std::vector<std::string> words = words_of(query);
   for (const Channel& channel : input.channels) {
-    std::string name = channel.name + (channel.unit.empty() ? "" : " [" + channel.unit + "]");
+    std::string name = common::with_unit(channel.name, channel.unit);
     if (matches(name, words))
       entities_.push_back({Entity::Kind::kChannel, std::move(name), {}, channel.name});
   }

@@ -2,57 +2,58 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "common/text/Number.h"
 
 namespace smartsurf::view {
-OptionEdit::OptionEdit(const scene::OptionSpec& option)
-    : name(option.name), help(option.help), original(option.value), text(option.value) {
-  long integer = 0;
-  double real = 0.0;
-  if (original == "true" || original == "false") {
-    kind = Kind::kBool;
-    checked = original == "true";
-  } else if (common::parse_number(original, integer) && std::abs(integer) < (1 << 23)) {
-    kind = Kind::kInteger;
-    number = static_cast<float>(integer);
-  } else if (common::parse_number(original, real) && std::isfinite(real)) {
-    kind = Kind::kReal;
-    number = static_cast<float>(real);
-  }
-  original_number_ = number;
-  const float least = kind == Kind::kInteger ? 10.0F : 1.0F;
-  low = std::min(0.0F, number < 0.0F ? 2.0F * number : 0.0F);
-  high = number > 0.0F ? 2.0F * number : number == 0.0F ? least : 0.0F;
-  if (kind == Kind::kInteger && number > 0.0F) high = std::max(high, least);
+namespace {
+
+template <class Number>
+Number number_or_zero(const std::string& text) {
+  Number number{};
+  return common::parse_number(text, number) ? number : Number{};
 }
 
+}  // namespace
+
+OptionEdit::OptionEdit(const scene::OptionSpec& option)
+    : spec(option),
+      integer(number_or_zero<std::int64_t>(option.value)),
+      real(number_or_zero<double>(option.value)),
+      checked(option.value == "true"),
+      text(option.value) {}
+
 std::string OptionEdit::value() const {
-  char digits[32];
-  switch (kind) {
+  switch (spec.kind) {
     case Kind::kBool:
       return checked ? "true" : "false";
     case Kind::kText:
       return text;
-    default:
-      if (number == original_number_) return original;
-      std::snprintf(digits, sizeof digits, kind == Kind::kInteger ? "%.0f" : "%.6g",
-                    static_cast<double>(number));
-      return digits;
+    case Kind::kInteger:
+      return std::to_string(integer);
+    case Kind::kReal:
+      break;
   }
+  return real == number_or_zero<double>(spec.value) ? spec.value : common::shortest(real);
+}
+
+std::optional<std::array<std::int64_t, 2>> OptionEdit::integer_range() const {
+  if (!spec.range) return std::nullopt;
+  static constexpr double kLargest = 0x1p62;
+  const auto whole = [](double end) {
+    return static_cast<std::int64_t>(std::clamp(end, -kLargest, kLargest));
+  };
+  return std::array{whole(std::ceil((*spec.range)[0])), whole(std::floor((*spec.range)[1]))};
 }
 
 std::vector<OptionEdit> make_option_edits(const std::vector<scene::OptionSpec>& options) {
-  std::vector<OptionEdit> edits;
-  for (const scene::OptionSpec& option : options) edits.emplace_back(option);
-  return edits;
+  return {options.begin(), options.end()};
 }
 
 std::vector<NamedValue> changed_options(const std::vector<OptionEdit>& edits) {
   std::vector<NamedValue> values;
   for (const OptionEdit& edit : edits)
-    if (edit.changed()) values.push_back({edit.name, edit.value()});
+    if (edit.changed()) values.push_back({edit.spec.name, edit.value()});
   return values;
 }
 

@@ -1,7 +1,10 @@
-// The edit state of one experiment option: a slider for a number, a checkbox for a boolean, a field for text.
-// Independent of the window system.
+// The edit state of one experiment option: a slider or a field for a number, a checkbox for a boolean, a list
+// or a field for a text. Independent of the window system.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,23 +17,22 @@ struct NamedValue {
 };
 
 struct OptionEdit {
-  enum class Kind { kInteger, kReal, kBool, kText };
+  using Kind = scene::OptionSpec::Kind;
 
-  // The kind is derived from the option's text. A number's slider extends to twice its value.
   explicit OptionEdit(const scene::OptionSpec& option);
 
   // The value as --set accepts it; the original text while unchanged.
   std::string value() const;
-  bool changed() const { return value() != original; }
+  bool changed() const { return value() != spec.value; }
 
-  std::string name, help, original;
-  Kind kind = Kind::kText;
-  float number = 0.0F, low = 0.0F, high = 1.0F;  // kInteger, kReal
-  bool checked = false;                          // kBool
-  std::string text;                              // kText
+  scene::OptionSpec spec;    // its kind says which of the next is edited
+  std::int64_t integer = 0;  // kInteger
+  double real = 0.0;         // kReal
+  bool checked = false;      // kBool
+  std::string text;          // kText
 
- private:
-  float original_number_ = 0.0F;
+  // The whole numbers in the range of a kInteger that has one, at most 2⁶² in size.
+  std::optional<std::array<std::int64_t, 2>> integer_range() const;
 };
 
 std::vector<OptionEdit> make_option_edits(const std::vector<scene::OptionSpec>& options);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "common/text/Unit.h"
 #include "smartsurf/view/panels/Panels.h"
 
 namespace smartsurf::view {
@@ -52,7 +53,7 @@ double current_value(const FrameInput& input, const Signal& signal, const scene:
 std::optional<double> draw_signal(const FrameInput& input, std::size_t index, HudState& state,
                                   Controls& controls, double value, float width) {
   const PlotData::Series& series = state.inspected.series()[index];
-  const std::string unit = unit_of(series.signal, input.channels);
+  const std::string unit = common::typeset_unit(unit_of(series.signal, input.channels));
   ImGui::PushID(static_cast<int>(index));
   ImGui::BeginGroup();
   ImGui::AlignTextToFramePadding();

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "common/text/Unit.h"
 #include "smartsurf/view/panels/Panels.h"
 
 namespace smartsurf::view {
@@ -9,8 +10,7 @@ namespace smartsurf::view {
 void draw_colour_scale(const ColourScale& colour_scale, float width, float scale) {
   constexpr int kSteps = 64;
   const ImVec2 bar(width, 12.0f * scale);
-  ImGui::Text("%s%s%s%s", colour_scale.channel.c_str(), colour_scale.unit.empty() ? "" : " [",
-              colour_scale.unit.c_str(), colour_scale.unit.empty() ? "" : "]");
+  ImGui::TextUnformatted(common::with_unit(colour_scale.channel, colour_scale.unit).c_str());
   const ImVec2 at = ImGui::GetCursorScreenPos();
   const float step = bar.x / kSteps;
   for (int i = 0; i < kSteps; ++i) {

@@ -1,11 +1,15 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <optional>
 #include <ranges>
 #include <string>
 
+#include "common/text/Elide.h"
 #include "smartsurf/view/panels/Icons.h"
 #include "smartsurf/view/panels/Panels.h"
 
@@ -13,7 +17,10 @@ namespace smartsurf::view {
 namespace {
 
 const ImVec4 kDimTextColour(0.36f, 0.40f, 0.46f, 1.0f), kWarningColour(0.75f, 0.25f, 0.05f, 1.0f);
-constexpr std::size_t kMaxMetrics = 8;
+constexpr int kMetricRows = 8;  // more of them scroll
+constexpr ImGuiSliderFlags kSliderFlags = ImGuiSliderFlags_AlwaysClamp;
+constexpr double kLargestReal = std::numeric_limits<double>::max() / 2.0;  // as ImGui's sliders require
+
 bool is_recording(const Status& status) { return status.timeline && status.timeline->is_recording; }
 
 bool is_sensor(const Channel& channel) { return channel.kind == scene::ChannelKind::kSensor; }
@@ -65,30 +72,56 @@ void draw_drop_settings(DropSpec& drop) {
   ImGui::ColorEdit3("colour", &drop.colour.r, ImGuiColorEditFlags_NoInputs);
 }
 
+// A slider over the number's range, or a field that is dragged, by `step` per pixel, where any number will
+// do. A typed number is exact, and stays in the range.
+template <class Number>
+void draw_number(const char* label, ImGuiDataType type, Number& number,
+                 const std::optional<std::array<Number, 2>>& range, double step, const char* format) {
+  if (range)
+    ImGui::SliderScalar(label, type, &number, range->data(), range->data() + 1, format, kSliderFlags);
+  else
+    ImGui::DragScalar(label, type, &number, static_cast<float>(step), nullptr, nullptr, format);
+}
+
+void draw_text_option(const char* label, OptionEdit& edit) {
+  if (edit.spec.choices.empty()) {
+    char buffer[256];
+    std::snprintf(buffer, sizeof buffer, "%s", edit.text.c_str());
+    if (ImGui::InputText(label, buffer, sizeof buffer)) edit.text = buffer;
+  } else if (ImGui::BeginCombo(label, edit.text.c_str())) {
+    for (const std::string& choice : edit.spec.choices)
+      if (ImGui::Selectable(choice.c_str(), choice == edit.text)) edit.text = choice;
+    ImGui::EndCombo();
+  }
+}
+
 void draw_option_edit(OptionEdit& edit) {
-  ImGui::PushID(edit.name.c_str());
-  if (edit.changed()) ImGui::PushStyleColor(ImGuiCol_Text, {0.75f, 0.25f, 0.05f, 1.0f});
+  const char* const label = edit.spec.name.c_str();
+  ImGui::PushID(label);
   const bool highlighted = edit.changed();
-  switch (edit.kind) {
+  if (highlighted) ImGui::PushStyleColor(ImGuiCol_Text, {0.75f, 0.25f, 0.05f, 1.0f});
+  switch (edit.spec.kind) {
     case OptionEdit::Kind::kInteger:
-    case OptionEdit::Kind::kReal:
-      ImGui::SliderFloat(edit.name.c_str(), &edit.number, edit.low, edit.high,
-                         edit.kind == OptionEdit::Kind::kInteger ? "%.0f" : "%.4g");
-      if (edit.kind == OptionEdit::Kind::kInteger)
-        edit.number = static_cast<float>(static_cast<long>(edit.number));
+      draw_number(label, ImGuiDataType_S64, edit.integer, edit.integer_range(),
+                  std::max(0.1, 0.005 * std::abs(static_cast<double>(edit.integer))), "%lld");
       break;
-    case OptionEdit::Kind::kBool:
-      ImGui::Checkbox(edit.name.c_str(), &edit.checked);
-      break;
-    case OptionEdit::Kind::kText: {
-      char buffer[256];
-      std::snprintf(buffer, sizeof buffer, "%s", edit.text.c_str());
-      if (ImGui::InputText(edit.name.c_str(), buffer, sizeof buffer)) edit.text = buffer;
+    case OptionEdit::Kind::kReal: {
+      auto range = edit.spec.range;
+      if (range)
+        for (double& end : *range) end = std::clamp(end, -kLargestReal, kLargestReal);
+      draw_number(label, ImGuiDataType_Double, edit.real, range,
+                  edit.real == 0.0 ? 0.01 : 0.005 * std::abs(edit.real), "%.6g");
       break;
     }
+    case OptionEdit::Kind::kBool:
+      ImGui::Checkbox(label, &edit.checked);
+      break;
+    case OptionEdit::Kind::kText:
+      draw_text_option(label, edit);
+      break;
   }
   if (highlighted) ImGui::PopStyleColor();
-  if (!edit.help.empty() && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", edit.help.c_str());
+  if (!edit.spec.help.empty() && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", edit.spec.help.c_str());
   ImGui::PopID();
 }
 
@@ -101,21 +134,19 @@ std::string format_speed(double actual, double requested) {
   return kept ? text : text + (" (" + format_pace(requested) + " wanted)");
 }
 
-// A long name leaves half of the panel to its value; a tooltip shows it all.
-void draw_row_name(const char* name) {
-  const float room = 0.5f * ImGui::GetWindowWidth();
-  std::string shown = name;
-  while (shown.size() > 1 && ImGui::CalcTextSize((shown + "...").c_str()).x > room) shown.pop_back();
-  const bool is_cut = shown.size() < std::string_view(name).size() && ImGui::CalcTextSize(name).x > room;
-  ImGui::TextColored(kDimTextColour, "%s", is_cut ? (shown + "...").c_str() : name);
-  if (is_cut && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name);
+// A name that is wider than the room, pixels, is elided; a tooltip shows it all.
+void draw_row_name(const std::string& name, float room) {
+  const std::string shown = common::elide_middle(
+      name, [&](const std::string& text) { return ImGui::CalcTextSize(text.c_str()).x <= room; });
+  ImGui::TextColored(kDimTextColour, "%s", shown.c_str());
+  if (shown != name && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", name.c_str());
 }
 
 template <class... Values>
 void table_row(const char* name, const char* format, Values... values) {
   ImGui::TableNextRow();
   ImGui::TableNextColumn();
-  draw_row_name(name);
+  ImGui::TextColored(kDimTextColour, "%s", name);
   ImGui::TableNextColumn();
   ImGui::Text(format, values...);
 }
@@ -131,11 +162,39 @@ void draw_state_rows(const scene::Snapshot& snapshot, const Status& status, cons
   if (!status.controller.empty()) table_row("controller", "%s", status.controller.c_str());
   table_row("objects", "%zu", snapshot.object_count());
   table_row("contacts", "%u", snapshot.contact_count);
-  for (const auto& [name, value] : status.metrics | std::views::take(kMaxMetrics))
-    if (std::isfinite(value)) table_row(name.c_str(), "%.4g", value);
   if (status.paused) return;  // costs are those of a run that goes on
   if (status.physics_ms > 0.0) table_row("physics", "%.2f ms/tick", status.physics_ms);
   table_row("drawing", "%.1f ms, %.0f frames/s", state.render_ms, 1000.0 / std::max(state.interval_ms, 1.0));
+}
+
+// Begins a table of a name and a value. A fitted column would cut a value that has just grown, for one frame.
+bool begin_table(const char* id, ImGuiTableFlags flags = 0, float height = 0.0f) {
+  if (!ImGui::BeginTable(id, 2, ImGuiTableFlags_SizingFixedFit | flags, {0.0f, height})) return false;
+  ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed);
+  ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
+  return true;
+}
+
+// All metrics that have values. Many of them scroll.
+void draw_metrics(const Status& status) {
+  const auto has_value = [](const auto& metric) { return std::isfinite(metric.second); };
+  const auto rows = std::ranges::count_if(status.metrics, has_value);
+  if (rows == 0) return;
+  const bool scrolls = rows > kMetricRows;
+  const float padding = 2.0f * ImGui::GetStyle().CellPadding.y;
+  const float height =
+      scrolls ? (static_cast<float>(kMetricRows) + 0.5f) * (ImGui::GetTextLineHeight() + padding) : 0.0f;
+  if (!begin_table("metrics", scrolls ? ImGuiTableFlags_ScrollY : 0, height)) return;
+  const float room = ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize("-1.234e-567").x -
+                     4.0f * ImGui::GetStyle().CellPadding.x;
+  for (const auto& [name, value] : status.metrics | std::views::filter(has_value)) {
+    ImGui::TableNextRow();
+    ImGui::TableNextColumn();
+    draw_row_name(name, room);
+    ImGui::TableNextColumn();
+    ImGui::Text("%.4g", value);
+  }
+  ImGui::EndTable();
 }
 
 bool has_distance_sensors(const FrameInput& input) {
@@ -233,13 +292,11 @@ void draw_show_section(const FrameInput& input, const Status& status, const Over
 }
 
 void draw_state(const FrameInput& input, const Status& status, const HudState& state) {
-  if (ImGui::BeginTable("state", 2, ImGuiTableFlags_SizingFixedFit)) {
-    // A fitted column would cut a value that has just grown, for one frame.
-    ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed);
-    ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
+  if (begin_table("state")) {
     draw_state_rows(input.snapshot, status, state);
     ImGui::EndTable();
   }
+  draw_metrics(status);
   ImGui::PushTextWrapPos(0.0f);
   if (!status.notice.empty()) ImGui::TextColored(kWarningColour, "%s", status.notice.c_str());
   if (!state.message.empty()) ImGui::TextUnformatted(state.message.c_str());

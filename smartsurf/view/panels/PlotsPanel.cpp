@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "common/text/Unit.h"
 #include "smartsurf/view/panels/Panels.h"
 
 namespace smartsurf::view {
@@ -204,7 +205,7 @@ std::vector<Chart> charts_by_unit(const FrameInput& input, const HudState& state
   const double from_s =
       state.plot_span_s > 0.0 ? std::max(times.front(), end_s - state.plot_span_s) : times.front();
   for (std::size_t i = 0; i < state.plotted.series().size(); ++i) {
-    std::string unit = unit_of(state.plotted.series()[i].signal, input.channels);
+    std::string unit = common::typeset_unit(unit_of(state.plotted.series()[i].signal, input.channels));
     auto chart = std::ranges::find(charts, unit, &Chart::unit);
     if (chart == charts.end())
       chart = charts.insert(charts.end(), {"chart", {}, unit, from_s, end_s, input.snapshot.time_s});

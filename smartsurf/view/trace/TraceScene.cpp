@@ -253,10 +253,10 @@ void TraceScene::State::add_pins(std::span<const PinInstance> instances, float c
   parts[attach(geometry, kOpaque)] = {Part::Kind::kPins, 0};
 }
 
-// The background must not show through the gaps of the outermost ring: dark walls stand inside it.
+// The background must not show through narrow gaps of the outermost ring: dark walls stand inside it.
 void TraceScene::State::close_outermost_gaps() {
   const scene::SurfaceSpec& s = spec.surface;
-  if (!s.cell_poses.empty()) return;
+  if (!s.has_narrow_gaps()) return;
   scene::ObjectSpec box;
   box.shape = ShapeKind::kBox;
   const auto ground = static_cast<float>(s.ground_height()), half_pitch = static_cast<float>(s.pitch / 2.0),

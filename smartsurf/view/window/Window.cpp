@@ -213,7 +213,7 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   const ScopedGlContext scope(glfw.window());
   handle_pointer(input);
   update_layout();
-  controls.update_camera(input.snapshot);
+  controls.update_camera(input.snapshot, input.catalogue);
   controls.set_channels(input.channels);
   update_plots(input);
   draw_scene(input);

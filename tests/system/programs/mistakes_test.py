@@ -3,6 +3,7 @@ import re
 import resource
 import shlex
 import shutil
+import struct
 
 from programs import *
 
@@ -409,6 +410,19 @@ on_finish(function() metric('left', left) end)""")
         self.assertEqual(status, 0, err)
         self.assertRegex(err, r"a\.png shows the end at 0\.3\d* s: the run did not reach 5 s")
         self.assertNotIn("b.png shows", err)
+
+    @needs_view
+    def test_apron_pictures_after_the_end_are_refused_or_named(self):
+        self.write("p.aps", "!register(A)\nA = 1\nsim.frame\nA = 2\nsim.frame\n")
+        run = [APRON, "run", "p.aps", "--size", "2x2"]
+        self.refused([*run, "--ticks", "5", "--screenshot", "a.png@9"], "--screenshot: 'a.png@9': the run ends before, --ticks 5")
+        self.refused([*run, "--video", "a.mp4", "--geometry", "641x480"], "--geometry: '641x480': a video needs even numbers")
+        self.assertEqual({p.name for p in self.folder.iterdir()}, {"p.aps"})
+        status, _, err = self.run_program(*run, "--ticks", "9", "--screenshot", "a.png@9", "--screenshot", "b.png@1", "--screenshot", "c.png")
+        self.assertEqual((status, err), (0, "apron: a.png shows the end at tick 2: the run did not reach tick 9\n"))
+        status, _, err = self.run_program(*run, "--ticks", "2", "--screenshot", "a.png@2", "--geometry", "641x481")
+        self.assertEqual((status, err), (0, ""))
+        self.assertEqual(struct.unpack(">II", (self.folder / "a.png").read_bytes()[16:24]), (641, 481))
 
     def test_unlikely_placements_and_clamped_commands_are_told(self):
         self.write("table.lua", """

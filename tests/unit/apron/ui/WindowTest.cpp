@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+
 #include "apron/ui/window/OffscreenRenderer.h"
 #include "common/error/UserError.h"
 #include "tests/unit/apron/ui/UiFixture.h"
@@ -46,6 +48,26 @@ TEST_F(WindowTest, MatchesOffscreenRendering) {
   for (std::size_t i = 0; i < shown.rgb.size(); ++i)
     different += std::abs(shown.rgb[i] - wanted.rgb[i]) > 16 ? 1 : 0;
   EXPECT_LT(different, 3000);
+}
+
+// A key that goes down and up between two frames is seen by the next frame, once.
+TEST_F(WindowTest, ShortTapsAreSeen) {
+  UiFixture fixture(debugger::test::kCounting);
+  Window window("test", {640, 480, true, 0, 0, false});
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(window.render_frame(fixture.model));
+  for (int tap = 1; tap <= 6; ++tap) {
+    if (std::system("xdotool mousemove 320 240 key --delay 0 F1 2>/dev/null") != 0)
+      GTEST_SKIP() << "no xdotool";
+    const bool shown = tap % 2 == 1;
+    // Until the display has delivered it.
+    for (int i = 0; i < 100 && fixture.model.help_shown != shown; ++i) {
+      window.wait_events(0.01);
+      ASSERT_TRUE(window.render_frame(fixture.model));
+    }
+    EXPECT_EQ(fixture.model.help_shown, shown) << "tap " << tap;
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(window.render_frame(fixture.model));
+    EXPECT_EQ(fixture.model.help_shown, shown) << "tap " << tap;
+  }
 }
 
 TEST_F(WindowTest, OpensBesideSimulatorAndCloses) {

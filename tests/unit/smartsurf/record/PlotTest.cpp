@@ -501,6 +501,80 @@ TEST_F(ChartFile, DecimationKeepsExtremesBesideGaps) {
   EXPECT_TRUE(image.is_blue(figure.chart().px(7202.0), figure.chart().py(97.0)));
 }
 
+// A logarithmic axis has no place for zero, so that the line has a gap there and no spike to the frame.
+TEST_F(ChartFile, LogarithmicLinesHaveGapsAtZero) {
+  for (const std::string value : {"0", "-3", "null"}) {
+    draw(R"({"y": {"scale": "log"}, "layers": [{"mark": "line", "color": "#0000ff", "x": [0, 1, 2, 3, 4],
+      "y": [100, 50, )" +
+         value + ", 50, 100]}]}");
+    const Image image(out / "figure.png");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    const Chart& chart = figure.chart();
+    EXPECT_TRUE(image.is_blue(chart.px(0.02), chart.py(99.0)));
+    for (double x = 0.98; x < 3.02; x += 0.001)
+      for (const double y : {11.0, 15.0, 30.0})
+        ASSERT_FALSE(image.is_blue(chart.px(x), chart.py(y))) << value << " at " << x << ", " << y;
+  }
+}
+
+TEST_F(ChartFile, ZerosAndPointsOnTheFrameAreSeen) {
+  draw(R"({"layers": [{"mark": "line", "color": "#0000ff", "x": [0, 1], "y": [0, 0]}]})");
+  const ChartFigure constant = read_chart_file(out / "chart.json");
+  const Chart& middle = constant.chart();
+  EXPECT_TRUE(Image(out / "figure.png").is_blue(middle.px(0.5), middle.py(0.0)));
+  EXPECT_LT(middle.py(0.0), middle.area().bottom() - 20.0);
+
+  draw(R"({"x": {"domain": [0, 1]}, "y": {"domain": [0, 1]}, "layers": [
+      {"mark": "point", "color": "#0000ff", "x": [0, 0.5, 1, 1.01], "y": [0.5, 0, 1, 0.3]},
+      {"mark": "line", "color": "#0000ff", "x": [0, 1], "y": [0, 0]},
+      {"mark": "line", "color": "#0000ff", "x": [1], "y": [0.7]}]})");
+  const Image image(out / "figure.png");
+  const ChartFigure figure = read_chart_file(out / "chart.json");
+  const Chart& chart = figure.chart();
+  for (const double away : {-2.0, 0.0, 2.0}) {
+    EXPECT_TRUE(image.is_blue(chart.px(0.0) + away, chart.py(0.5))) << away;
+    EXPECT_TRUE(image.is_blue(chart.px(0.5), chart.py(0.0) + away)) << away;
+    EXPECT_TRUE(image.is_blue(chart.px(1.0), chart.py(1.0) + away)) << away;
+  }
+  EXPECT_TRUE(image.is_blue(chart.px(0.2), chart.py(0.0))) << "a line along the frame";
+  EXPECT_TRUE(image.is_blue(chart.px(1.0) + 1.5, chart.py(0.7))) << "a dot";
+  EXPECT_FALSE(image.is_blue(chart.px(1.01), chart.py(0.3))) << "outside";
+}
+
+TEST_F(ChartFile, NothingToDrawIsSaid) {
+  const auto marks = [&](const std::string& layer, const std::string& axis = "{}") {
+    draw(R"({"x": {"categories": ["a"]}, "y": )" + axis + R"(, "layers": [)" + layer + "]}");
+    const Image image(out / "figure.png");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    const PlotArea& area = figure.chart().area();
+    int dark = 0;
+    for (double x = 0.35; x < 0.65; x += 0.0005)
+      for (double y = -14.0; y < 4.0; y += 0.5)
+        dark += (image.pixel_at(area.left + x * area.width, area.top + 0.5 * area.height + y) & 0xFF) < 160;
+    return dark;
+  };
+  EXPECT_GT(marks(R"({"mark": "line", "x": [0, 1], "y": [null, null]})"), 100);
+  EXPECT_GT(marks(R"({"mark": "bar", "y": [null]})"), 100);
+  EXPECT_EQ(marks(R"({"mark": "point", "x": [0.4], "y": [3]})", R"({"domain": [0, 4]})"), 0);
+}
+
+// Names that do not fit side by side stand upright, below the area that leaves them room.
+TEST_F(ChartFile, ManyCategoriesStandUpright) {
+  const auto below = [this](int categories) {
+    std::string names, values;
+    for (int i = 0; i < categories; ++i) {
+      names += (i == 0 ? "\"" : ", \"") + ("category number " + std::to_string(i)) + '"';
+      values += i == 0 ? "1" : ", 1";
+    }
+    draw(R"({"x": {"categories": [)" + names + R"(]}, "layers": [{"mark": "bar", "y": [)" + values + "]}]}");
+    const ChartFigure figure = read_chart_file(out / "chart.json");
+    return figure.height() - figure.chart().area().bottom();
+  };
+  EXPECT_EQ(below(6), 52.0);
+  EXPECT_GT(below(40), 120.0);
+  EXPECT_EQ(below(40), below(400)) << "thinned out";
+}
+
 TEST_F(ChartFile, SmallRangesFillTheAxis) {
   draw(R"({"layers": [{"mark": "line", "x": [0, 1e-6], "y": [0, 1]}]})");
   const ChartFigure figure = read_chart_file(out / "chart.json");

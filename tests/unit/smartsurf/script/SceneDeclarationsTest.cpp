@@ -230,6 +230,31 @@ TEST_F(DeclarationTest, OptionsKeepTypeAndOrder) {
   EXPECT_EQ(e.scene().options[3].value, "true");
 }
 
+TEST_F(DeclarationTest, OptionsKeepKindRangeAndChoices) {
+  using Kind = scene::OptionSpec::Kind;
+  const std::string text = R"(surface{}
+    option('count', 40, 'number', {4, 64})
+    option('speed', 1.5, nil, {0, 2})
+    option('kind', 'ball', 'what', {'ball', 'box'})
+    option('code', '12')
+    option('big', false))";
+  const std::vector<scene::OptionSpec> declared = load(text).scene().options;
+  EXPECT_EQ(declared[0].kind, Kind::kInteger);
+  EXPECT_EQ(declared[0].range, (std::array{4.0, 64.0}));
+  EXPECT_EQ(declared[0].help, "number; 4 to 64");
+  EXPECT_EQ(declared[1].kind, Kind::kReal);
+  EXPECT_EQ(declared[1].range, (std::array{0.0, 2.0}));
+  EXPECT_EQ(declared[2].kind, Kind::kText);
+  EXPECT_EQ(declared[2].choices, (std::vector<std::string>{"ball", "box"}));
+  EXPECT_FALSE(declared[2].range);
+  EXPECT_EQ(declared[3].kind, Kind::kText) << "a text of digits";
+  EXPECT_EQ(declared[4].kind, Kind::kBool);
+  options.overrides = {{"count", "8.0"}};
+  EXPECT_EQ(load(text).scene().options[0].value, "8");
+  options.overrides = {{"n", "2.5"}};
+  EXPECT_EQ(load("surface{} option('n', 2)").scene().options[0].kind, Kind::kReal);
+}
+
 TEST_F(DeclarationTest, CellsExposeSurfaceProperties) {
   load_on_surface("print(cells.rows, cells.columns, cells.pitch, cells:centre(1, 2), cells:centre(4, 1))");
   EXPECT_EQ(printed, "4\t6\t1.0\t1.0\t0.0\t0.0\n");

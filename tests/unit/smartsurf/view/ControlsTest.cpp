@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "smartsurf/view/model/TableBounds.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
+
 namespace smartsurf::view {
 namespace {
 
@@ -79,6 +82,35 @@ TEST(Controls, ResizeRefitsUnmodifiedPreset) {
   const double distance = controls.camera().distance();
   controls.resize(3.0);
   EXPECT_DOUBLE_EQ(controls.camera().distance(), distance) << "the user's view was discarded";
+}
+
+// Presets are fitted to the objects of the next frame, and not to where these move later.
+TEST(Controls, PresetsShowTheObjectsOverTheTable) {
+  TestScene scene(16, 16);
+  scene.add_sphere(7.5, 7.5, 16.0, 2.0, {});
+  const auto corners = corners_of_objects_over(scene.spec.surface, scene.snapshot, scene.spec.objects);
+  Controls controls{scene.spec.surface};
+  controls.resize(1.5);
+  const auto update = [&] { controls.update_camera(scene.snapshot, scene.spec.objects); };
+  const auto fitted = [&](CameraPreset preset, double aspect) {
+    return Camera::fit_to_surface(scene.spec.surface, preset, aspect, corners).eye();
+  };
+  update();
+  EXPECT_EQ(controls.camera().eye(), fitted(CameraPreset::kIso, 1.5));
+  scene.snapshot.position[0][2] = 5.0F;
+  update();
+  controls.resize(2.0);
+  update();
+  EXPECT_EQ(controls.camera().eye(), fitted(CameraPreset::kIso, 2.0));
+  scene.snapshot.position[0][2] = 16.0F;
+  controls.perform(UiAction::kSide, {});
+  update();
+  EXPECT_EQ(controls.camera().eye(), fitted(CameraPreset::kSide, 2.0));
+  controls.perform(UiAction::kIso, {});
+  controls.handle_scroll(1.0);
+  const Eigen::Vector3d eye = controls.camera().eye();
+  update();
+  EXPECT_EQ(controls.camera().eye(), eye) << "the user's view was discarded";
 }
 
 TEST(Controls, OrbitPanAndScrollMoveCamera) {

@@ -86,7 +86,7 @@ TEST_F(OverlayTest, RoundsTheRangeOfAChannelWithoutLimit) {
   channels[0].low = -1e6f;
   channels[0].high = 1e6f;
   std::ranges::fill(distance, 0.0f);
-  EXPECT_EQ(apply().high, 1e6f) << "nothing to fit to";
+  EXPECT_EQ(apply().high, 1.0f) << "nothing to fit to";
   distance[3] = 130.0f;
   const float high = apply().high;
   EXPECT_GE(high, 130.0f);
@@ -212,33 +212,40 @@ TEST_F(OverlayTest, TrailsFillFromHistory) {
   EXPECT_FLOAT_EQ(shown(&history).back().to[0], 3.2f);
 }
 
-TEST(OptionEdit, DerivesKindAndRangeFromValue) {
-  const std::vector<OptionEdit> edits = make_option_edits({{"count", "40", "number of spheres"},
-                                                           {"speed", "0.25", ""},
-                                                           {"drift", "-2.5", ""},
-                                                           {"on", "true", ""},
-                                                           {"name", "hello", ""}});
-  EXPECT_EQ(edits[0].kind, OptionEdit::Kind::kInteger);
-  EXPECT_EQ(edits[0].high, 80.0f);
-  EXPECT_EQ(edits[1].kind, OptionEdit::Kind::kReal);
-  EXPECT_EQ(edits[2].low, -5.0f);
-  EXPECT_EQ(edits[2].high, 0.0f);
-  EXPECT_EQ(edits[3].kind, OptionEdit::Kind::kBool);
-  EXPECT_EQ(edits[4].kind, OptionEdit::Kind::kText);
-  EXPECT_TRUE(changed_options(edits).empty());
+using OptionKind = scene::OptionSpec::Kind;
+
+TEST(OptionEdit, RangesOfWholeNumbersLieInTheDeclaredOnes) {
+  OptionEdit edit({.name = "count", .value = "3", .help = "", .kind = OptionKind::kInteger});
+  EXPECT_FALSE(edit.integer_range());
+  edit.spec.range = {-2.5, 7.9};
+  EXPECT_EQ(edit.integer_range(), (std::array<std::int64_t, 2>{-2, 7}));
+  edit.spec.range = {-1e300, 1e300};
+  EXPECT_EQ(edit.integer_range()->back(), std::int64_t{1} << 62);
 }
 
-TEST(OptionEdit, ReturnsOnlyChangedOptions) {
-  std::vector<OptionEdit> edits =
-      make_option_edits({{"count", "40", ""}, {"speed", "0.33333333333333", ""}, {"on", "true", ""}});
-  edits[0].number = 12.0f;
-  edits[2].checked = false;
-  const std::vector<NamedValue> values = changed_options(edits);
-  ASSERT_EQ(values.size(), 2u) << "an untouched number keeps all its digits";
-  EXPECT_EQ(values[0].value, "12");
-  EXPECT_EQ(values[1].value, "false");
-  edits[1].number = 0.5f;
-  EXPECT_EQ(changed_options(edits)[1].value, "0.5");
+// Numbers keep all their digits, whether the user changes them or not.
+TEST(OptionEdit, ReturnsOnlyChangedOptionsExactly) {
+  std::mt19937_64 random(20261129);
+  for (int draw = 0; draw < 200; ++draw) {
+    const auto before = static_cast<std::int64_t>(random() >> (random() % 64)), after = before + 1;
+    const double real = std::ldexp(static_cast<double>(random()), static_cast<int>(random() % 200) - 130);
+    std::vector<OptionEdit> edits = make_option_edits(
+        {{.name = "seed", .value = std::to_string(before), .help = "", .kind = OptionKind::kInteger},
+         {.name = "speed", .value = "0.33333333333333", .help = "", .kind = OptionKind::kReal},
+         {.name = "on", .value = "true", .help = "", .kind = OptionKind::kBool},
+         {.name = "code", .value = "007", .help = ""}});
+    EXPECT_TRUE(changed_options(edits).empty());
+    edits[0].integer = after;
+    edits[1].real = real;
+    edits[2].checked = false;
+    edits[3].text = "08";
+    const std::vector<NamedValue> values = changed_options(edits);
+    ASSERT_EQ(values.size(), 4u);
+    EXPECT_EQ(values[0].value, std::to_string(after));
+    EXPECT_EQ(std::stod(values[1].value), real);
+    EXPECT_EQ(values[2].value, "false");
+    EXPECT_EQ(values[3].value, "08");
+  }
 }
 
 }  // namespace

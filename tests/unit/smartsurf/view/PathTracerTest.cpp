@@ -128,6 +128,19 @@ TEST(PathTracerTest, GroundLiesUnderATableFarAway) {
   for (const float covered : plane.coverage) EXPECT_GT(covered, 0.0F);
 }
 
+// From beside the table, the middle of the picture lies in the gap between two columns.
+TEST(PathTracerTest, OnlyNarrowGapsAreClosed) {
+  for (const double pitch : {1.0, 3.0}) {
+    TestScene scene(2, 2);
+    scene.spec.world.ground = false;
+    scene.spec.surface.pitch = pitch;
+    const double middle = pitch / 2.0;
+    const TracedImage seen = trace(scene, camera_at(scene, {middle, -20, 3}, {middle, 20, 2.9}), furnace(),
+                                   {.samples = 16}, 121, 121);
+    EXPECT_EQ(seen.coverage[60 * 121 + 60], pitch == 1.0 ? 1.0F : 0.0F) << "pitch " << pitch;
+  }
+}
+
 // Sunlight on a diffuse plane: albedo times the cosine of the sun's elevation.
 TEST(PathTracerTest, SunOnPlane) {
   const TestScene scene(1, 1);

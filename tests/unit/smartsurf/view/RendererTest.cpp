@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <random>
 
 #include "common/gl/EglContext.h"
 #include "smartsurf/view/gl/GlObjects.h"
@@ -91,6 +92,27 @@ TEST_F(RendererTest, BackWallHasNoSlits) {
       EXPECT_LT(image.rgb[pixel], 150) << "x = " << x;
     }
   }
+}
+
+// Between narrow tops one sees through the table's edge, as in a free layout with the same places.
+TEST_F(RendererTest, WideGapsStayOpen) {
+  std::mt19937 random(20261129);
+  std::uniform_real_distribution<double> share(0.27, 0.9);
+  for (const RenderQuality& quality :
+       {RenderQuality::fine(), RenderQuality::video(), RenderQuality::fast(), RenderQuality::gpu()})
+    for (const int cells : {4, 48}) {  // near, and so far that narrow gaps are painted
+      TestScene scene(cells, cells);
+      scene::SurfaceSpec& s = scene.spec.surface;
+      s.pin.top_x = s.pitch * (1.0 - share(random));
+      s.pin.top_y = s.pitch * (1.0 - share(random));
+      const common::Image grid = render(scene, quality);
+      std::vector<scene::CellPose> poses;
+      for (int row = 0; row < cells; ++row)
+        for (int column = 0; column < cells; ++column)
+          poses.push_back({s.centre(row, column).x(), s.centre(row, column).y(), 0.0});
+      s.cell_poses = poses;
+      EXPECT_EQ(grid.rgb, render(scene, quality).rgb) << s.pin.top_x << " x " << s.pin.top_y;
+    }
 }
 
 // Ambient occlusion only darkens, and nothing where no object or cell is near.

@@ -146,10 +146,10 @@ TEST_F(PointerTest, CameraFollowsObjectUntilRemoved) {
   controls.tools().select(SceneItem{SceneItem::Kind::kObject, 0, 0, 0});
   controls.perform(UiAction::kFollow, status);
   scene.snapshot.position[0] = {2.0f, 3.0f, 5.0f};
-  controls.update_camera(scene.snapshot);
+  controls.update_camera(scene.snapshot, scene.spec.objects);
   EXPECT_TRUE(controls.camera().target().isApprox(Eigen::Vector3d(2.0, 3.0, 5.0)));
   scene.snapshot.id.clear();
-  controls.update_camera(scene.snapshot);
+  controls.update_camera(scene.snapshot, scene.spec.objects);
   EXPECT_FALSE(controls.followed());
 }
 

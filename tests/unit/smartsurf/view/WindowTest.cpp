@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "smartsurf/view/model/TableBounds.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "tests/unit/smartsurf/view/TestScene.h"
 
@@ -92,6 +93,31 @@ TEST_F(WindowTest, LongMetricNamesLeaveRoomForValues) {
   EXPECT_GT(different_pixels(shown(1.0), shown(88880.0)), 100) << "the value is cut";
 }
 
+// All metrics are in the panel, where many scroll: they take no more room than twelve. Long names that differ
+// at their ends stay apart.
+TEST_F(WindowTest, ManyMetricsScroll) {
+  TestScene scene(8, 8);
+  Window window(scene.spec, "test", 800, 800);
+  Status status;
+  status.paused = true;
+  const auto shown = [&](int count, int first) {
+    std::vector<std::pair<std::string, double>> metrics;
+    for (int i = 0; i < count; ++i)
+      metrics.emplace_back(std::string(50, 'm') + std::to_string(1000 + first + i), 1.0);
+    status.metrics = metrics;
+    common::Image image;
+    for (int i = 0; i < 4; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
+    return image;
+  };
+  const common::Image eight = shown(8, 0), twelve = shown(12, 0), many = shown(500, 0);
+  EXPECT_GT(different_pixels(eight, twelve), 20) << "the ninth metric is missing";
+  EXPECT_GT(different_pixels(twelve, many), 5) << "the scroll bar";
+  const auto below = twelve.rgb.begin() + std::ptrdiff_t{3} * twelve.width * 480;
+  EXPECT_TRUE(std::equal(below, twelve.rgb.end(), many.rgb.begin() + (below - twelve.rgb.begin())))
+      << "moves";
+  EXPECT_GT(different_pixels(eight, shown(8, 100)), 20) << "numbers at the end are cut off";
+}
+
 TEST_F(WindowTest, ShowsGreekAndCyrillicLetters) {
   TestScene scene(8, 8);
   Window window(scene.spec, "test", 800, 600);
@@ -112,7 +138,9 @@ TEST_F(WindowTest, CoexistsWithOffscreenRendering) {
   TestScene scene(8, 8);
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 400, 300);
-  const Camera camera = Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, 4.0 / 3.0);
+  const Camera camera =
+      Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, 4.0 / 3.0,
+                             corners_of_objects_over(scene.spec.surface, scene.snapshot, scene.spec.objects));
   window.perform(UiAction::kPanels);  // the scene has the whole window
   window.render_frame({scene.snapshot, scene.spec.objects}, {});
   const common::Image of_window = window.capture_scene({scene.snapshot, scene.spec.objects}, 400, 300);
