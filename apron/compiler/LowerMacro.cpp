@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <ranges>
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
@@ -153,7 +152,9 @@ void Lowering::leave_macro(std::uint32_t expansion) {
   const auto scope = scopes_.find(expansion);
   if (scope == scopes_.end()) return;
   std::vector<program::LocalName>& locals = scope->second.locals;
-  for (const auto& [number, name] : std::views::reverse(scope->second.unwritten)) {
+  for (auto argument = scope->second.unwritten.rbegin(); argument != scope->second.unwritten.rend();
+       ++argument) {
+    const auto& [number, name] = *argument;
     const Symbol* symbol = symbols_.find(name);
     if (symbol == nullptr) continue;
     program::LocalName written = locals[number];

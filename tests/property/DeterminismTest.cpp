@@ -88,7 +88,7 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics29");
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics30");
   EXPECT_EQ(hash_after(3.0), 0xc26deb7cad025065U);
   EXPECT_EQ(hash_of_crowd(1), 0x05ded77d84153386U);
 }
