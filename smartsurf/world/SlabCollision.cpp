@@ -147,7 +147,8 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const auto previous =
       known < 0 ? std::span<const Contact>() : previous_list.contacts_of(previous_list.manifolds[known]);
   if (bodies.is_sphere[i] && !collider_.free_layout())
-    collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
+    collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts,
+                              bodies.velocity(i), dt_s_);
   else if (collider_.free_layout() || field_.has_contacts_per_cell() || bodies.rolls_unevenly[i])
     collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else

@@ -287,6 +287,52 @@ TEST_P(FastBodies, TumblingBesideOthersKeepsItsEnergy) {
   }
 }
 
+// Balls that fly over the edges of cells, however near, keep their velocity; a wall of cells stops them.
+class FastBallsOverCells : public FastBodies {
+ protected:
+  void restart_on_cells(Draw& draw) {
+    restart(0.0);
+    scene::SurfaceSpec& s = fixture.scene.surface;
+    s.pin.max_speed = s.pin.max_acceleration = 1e6;
+    s.pin.top_x = s.pin.top_y = draw.uniform(0.1, 0.95);
+    std::vector<float> heights;
+    for (int i = 0; i < s.rows * s.columns; ++i)
+      heights.push_back(static_cast<float>(draw.uniform(0, kHighest)) * (i % s.columns < kWall));
+    for (int row = 0; row < s.rows; ++row)
+      for (int column = kWall; column < s.columns; ++column) heights[row * s.columns + column] = 6.0F;
+    fixture.cells().set_targets(0, heights);
+    fixture.run(0.1);
+  }
+  static constexpr double kHighest = 1.0;
+  static constexpr int kWall = 24;  // first column of it
+};
+INSTANTIATE_TEST_SUITE_P(Steps, FastBallsOverCells, testing::Values(1.0 / 60, 1.0 / 240, 1.0 / 960));
+
+TEST_P(FastBallsOverCells, PassEdgesAndMeetWalls) {
+  Draw draw(31);
+  for (int i = 0; i < 60; ++i) {
+    SCOPED_TRACE(i);
+    restart_on_cells(draw);
+    const double speed = draw.log_uniform(5, 200), top = fixture.scene.surface.pin.top_x, gap = 1.0 - top;
+    const double radius = std::max(draw.log_uniform(0.05, 1.0), gap);  // the wall holds it back
+    const double face = kWall - 0.5 * top, dip = radius - std::sqrt(radius * radius - gap * gap / 4);
+    auto ball = sphere(radius, {3, draw.uniform(8, 24), kHighest + radius + draw.log_uniform(0.001, 0.5)});
+    const Vector3d velocity = speed * Vector3d(1, draw.uniform(-0.2, 0.2), draw.uniform(0, 0.05));
+    ball.velocity = velocity;
+    const auto id = fixture.add(ball);
+    bool has_met = false;
+    fixture.run(1.2 * face / speed, [&] {
+      const double x = static_cast<double>(fixture.position(id).x());
+      ASSERT_LT(x, face - radius + dip + 0.05);
+      has_met |= x + radius + 1.1 * speed * GetParam() > face;
+      if (!has_met) {
+        ASSERT_LT((fixture.velocity(id).cast<double>() - velocity).norm(), 1e-5 * speed);
+      }
+    });
+    EXPECT_TRUE(has_met);
+  }
+}
+
 TEST(FastBodiesSleep, WakeWhatTheyHit) {
   for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
     PhysicsFixture fixture;

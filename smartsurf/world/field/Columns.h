@@ -30,10 +30,11 @@ inline float least_gap_entered(float least_width, const Vec3& extents) {
   return std::min(least_width, second / std::numbers::sqrt2_v<float>);
 }
 // True if a body passes over a gap between level tops as over a plane: over a small gap that it cannot enter.
-// Other gaps act as they are.
-inline bool is_bridged(float gap, float pitch, float gap_entered) {
+// Other gaps act as they are, except between elastic tops, whose sides a body that they yield to must not
+// meet.
+inline bool is_bridged(const surface::Field& field, float gap, float gap_entered) {
   constexpr float kMaxGap = 0.25F, kRounding = 1e-4F;  // of the pitch
-  return gap <= (kMaxGap + kRounding) * pitch && gap < gap_entered;
+  return gap < gap_entered && (field.has_elastic_tops || gap <= (kMaxGap + kRounding) * field.pitch);
 }
 
 // One cell as a bottomless column: its rectangle, extended to the middle of the gap on each bridged side, and
@@ -72,8 +73,8 @@ class Columns {
         half_x_(field.half_top_x),
         half_y_(field.half_top_y),
         spans_gaps_(gap_entered > pitch_ - 2.0F * std::min(half_x_, half_y_)),
-        bridges_x_(is_bridged(pitch_ - 2.0F * half_x_, pitch_, gap_entered)),
-        bridges_y_(is_bridged(pitch_ - 2.0F * half_y_, pitch_, gap_entered)) {}
+        bridges_x_(is_bridged(field, pitch_ - 2.0F * half_x_, gap_entered)),
+        bridges_y_(is_bridged(field, pitch_ - 2.0F * half_y_, gap_entered)) {}
 
   // True if the body cannot enter the gaps, bridged or not.
   bool spans_gaps() const { return spans_gaps_; }

@@ -271,7 +271,7 @@ class FootprintOnCells {
     // A line over a bridged gap lies on the extended tops.
     const auto half = [&](float half_top) {
       const bool bridges = f.is_line() && field.is_rectangular() &&
-                           is_bridged(field.pitch - 2.0F * half_top, field.pitch, f.gap_entered);
+                           is_bridged(field, field.pitch - 2.0F * half_top, f.gap_entered);
       return bridges ? 0.5F * field.pitch : half_top;
     };
     half_x_ = half(field.half_top_x);
