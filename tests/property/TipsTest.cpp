@@ -113,10 +113,11 @@ TEST(PinStiffness, FlatFacesRestAtTheirDepth) {
     const double top = std::array{0.1, 0.3, 0.5, 0.8}[i % 4], depth = std::pow(10.0, uniform(-3.5, -0.6));
     const double radius = uniform(1.0, 1.8), middle = i % 3 == 0 ? 5.0 : 5.5;
     const bool is_centred = i % 2 == 0;
-    enum Face { kBox, kCone, kCylinder, kHull } const face = static_cast<Face>(i / 4 % 4);
+    enum class Shape { kBox, kCone, kCylinder, kHull };
+    const auto shape = static_cast<Shape>(i / 4 % 4);
     const auto covers = [&](double x, double y) {
-      return face == kBox || face == kHull ? std::max(std::abs(x), std::abs(y)) < radius
-                                           : std::hypot(x, y) < radius;
+      return shape == Shape::kBox || shape == Shape::kHull ? std::max(std::abs(x), std::abs(y)) < radius
+                                                           : std::hypot(x, y) < radius;
     };
     Eigen::Vector3d at(middle, middle, 0);
     if (!is_centred) at += Eigen::Vector3d(uniform(-0.5, 0.5), uniform(-0.5, 0.5), 0);
@@ -128,12 +129,12 @@ TEST(PinStiffness, FlatFacesRestAtTheirDepth) {
     covered /= kSamples * kSamples;
     PhysicsFixture fixture;
     set_surface(fixture, "pin", kSide, 1.0, top, {{"stiffness", {kGravity / (depth * covered)}}});
-    const double below_centre = face == kHull ? radius : 0.5;
+    const double below_centre = shape == Shape::kHull ? radius : 0.5;
     at.z() = below_centre - depth + uniform(0, 0.02);
-    scene::ObjectSpec o = face == kBox    ? box({2 * radius, 2 * radius, 1}, at)
-                          : face == kCone ? cone(radius, 2, at)
-                          : face == kHull ? cube(at, static_cast<float>(2 * radius))
-                                          : cylinder(radius, 1, at);
+    scene::ObjectSpec o = shape == Shape::kBox    ? box({2 * radius, 2 * radius, 1}, at)
+                          : shape == Shape::kCone ? cone(radius, 2, at)
+                          : shape == Shape::kHull ? cube(at, static_cast<float>(2 * radius))
+                                                  : cylinder(radius, 1, at);
     o.mass = 1.0;
     const auto id = fixture.add(o);
     fixture.run(12.0);
