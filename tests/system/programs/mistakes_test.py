@@ -295,7 +295,7 @@ class Mistakes(ProgramTest):
         status, out, err = self.run_program(SMARTSURF, "new", "mine")
         self.assertEqual((status, err), (0, ""))
         self.assertIn("smartsurf run mine.lua --controller mine.aps", out)
-        status, _, err = self.run_program(SMARTSURF, "run", "mine.lua", "--controller", "mine.aps", "--until", "6", "--stats", "s.json")
+        status, _, err = self.run_program(SMARTSURF, "run", "mine.lua", "--controller", "mine.aps", "--until", "12", "--stats", "s.json")
         self.assertEqual(status, 0, err)
         self.assertGreater(json.loads((self.folder / "s.json").read_text())["metrics"]["mean_x"], 19)  # at the east wall
         self.assertEqual(self.run_program(APRON, "check", "--local", "mine.aps")[0], 0)
