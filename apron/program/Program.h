@@ -121,7 +121,7 @@ struct LocalName {
   std::string name;
   Operand operand;  // a register, variable or literal; none if the program holds no such value
   std::uint32_t first = 0, last = 0;
-  // Of an array, without an operand. With one, the name is that element: ch[i].
+  // Elements of an array, if there is no operand. With an operand as their index, the name is that element.
   std::vector<Operand> elements = {};
   std::string text = {};  // of a parameter: its argument
 };

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <numbers>
 
 #include "common/index/Index.h"
 #include "common/text/Printable.h"
@@ -198,7 +199,7 @@ void Chart::draw_categories(cairo_t* cr) const {
     }
     cairo_save(cr);
     cairo_translate(cr, x + 0.35 * kTickLabelSize, area_.bottom() + kLabelGap);
-    cairo_rotate(cr, -std::acos(-1.0) / 2.0);
+    cairo_rotate(cr, -0.5 * std::numbers::pi);
     draw_text(cr, 0.0, 0.0, x_.categories[i], kTickLabelSize, Align::kRight, false, upright);
     cairo_restore(cr);
   }

@@ -8,6 +8,7 @@
 #include "smartsurf/scene/Axes.h"
 #include "smartsurf/scene/BuiltInActuators.h"
 #include "smartsurf/scene/KindRegistry.h"
+#include "smartsurf/scene/NarrowGap.h"
 
 namespace smartsurf::scene {
 namespace {
@@ -227,8 +228,7 @@ bool SurfaceSpec::has_hexagonal_tops() const {
 }
 
 bool SurfaceSpec::has_narrow_gaps() const {
-  constexpr double kWidest = 0.25;  // in pitches
-  return cell_poses.empty() && pitch - std::min(pin.top_x, pin.top_y) <= kWidest * pitch;
+  return cell_poses.empty() && pitch - std::min(pin.top_x, pin.top_y) <= kMaxNarrowGap * pitch;
 }
 
 ActuatorSpec make_pin_actuator(const PinSpec& pin) {

@@ -139,8 +139,8 @@ void require_allowed(ScriptContext& context, lua_State* L, const std::string& na
   throw_invalid_value(L, 2, "option '" + name + "': default", requirement);
 }
 
-// Of the value on top of the stack, whose type is that of the default at index 2. An integer may be set to a
-// real number.
+// Returns the kind of the value on top of the stack, whose type is that of the default at index 2. An integer
+// may be set to a real number.
 scene::OptionSpec::Kind option_kind(lua_State* L) {
   using Kind = scene::OptionSpec::Kind;
   const int type = lua_type(L, 2);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "smartsurf/scene/NarrowGap.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/body/Vec.h"
 
@@ -33,8 +34,8 @@ inline float least_gap_entered(float least_width, const Vec3& extents) {
 // Other gaps act as they are, except between elastic tops, whose sides a body that they yield to must not
 // meet.
 inline bool is_bridged(const surface::Field& field, float gap, float gap_entered) {
-  constexpr float kMaxGap = 0.25F, kRounding = 1e-4F;  // of the pitch
-  return gap < gap_entered && (field.has_elastic_tops || gap <= (kMaxGap + kRounding) * field.pitch);
+  constexpr auto kMaxGap = static_cast<float>(scene::kMaxNarrowGap);
+  return gap < gap_entered && (field.has_elastic_tops || gap <= kMaxGap * field.pitch);
 }
 
 // One cell as a bottomless column: its rectangle, extended to the middle of the gap on each bridged side, and

@@ -14,11 +14,12 @@ struct SphereCandidate {
   float order = separation;  // what the sphere meets in the step comes before all that it passes
 };
 
-// Relative to a column, in the step.
+// The motion of a sphere in the step.
 struct SphereMotion {
   Vec3 velocity;
   float dt_s;
 
+  // Relative to the cell's top.
   Vec3 over(const surface::Field& f, Index cell) const {
     return dt_s * (velocity - Vec3(0, 0, f.speed[cell]));
   }

@@ -82,7 +82,7 @@ class HeavyIslandSolver {
 
     // The speed that a spring still lacks with the velocity changes of the bodies.
     double lacking_speed(int k, const double* changes) const;
-    // Of all three.
+    // The speeds that all three springs still lack.
     void find_lacking_speeds(const double* changes, double (&lacks)[3]) const;
     void add_force(const double (&force)[3], double* right_side) const;
     // Adds the springs that are to be in the matrix and are not yet, and removes the others.

@@ -209,10 +209,10 @@ void TipSolver::solve(const PointStep& step, IndexRange islands) {
     t.yield_velocity.setZero();
     const Mat3 last_response = t.response;
     t.begin_substep(step.params.h_s);
-    t.responds_anew = t.response != last_response;
+    t.response_changed = t.response != last_response;
   });
   for (Point& p : points_of(islands))
-    if (const Tip& t = tips_[p.tip]; t.responds_anew) p.set_response(t.response);
+    if (const Tip& t = tips_[p.tip]; t.response_changed) p.set_response(t.response);
   for (Point& p : points_of(islands)) solve_point(p, p.push_out_speed(tips_[p.tip].moved, step), step);
 }
 

@@ -64,13 +64,13 @@ class TipSolver {
     Vec3 yield_velocity{0, 0, 0};              // of the joints, in the substep, u/s
     // Whether contacts press on it, friction holds one of them, and their normal impulses reach the limit.
     bool is_loaded = false, sticks = false, is_overloaded = false;
-    bool responds_anew = false;  // otherwise than in the last substep
+    bool response_changed = false;  // since the last substep
     // Motion in the step, u.
     Vec3 start_deflection, moved_deflection{0, 0, 0}, yielded{0, 0, 0}, moved{0, 0, 0};
 
     // The load without what the boundary of the workspace bears.
     Vec3 deflecting_load() const;
-    // Of a loaded tip.
+    // The rate of deflection of a loaded tip.
     Vec3 deflection_rate() const;
     // Projects on the directions in which the load moves with the tip: that of the normal load, and those
     // across it where friction holds.

@@ -7,17 +7,10 @@
 
 #include "smartsurf/mesh/ClippedMesh.h"
 #include "smartsurf/mesh/ConvexHull.h"
-#include "smartsurf/mesh/MassProperties.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
 namespace smartsurf::mesh {
 namespace {
-
-double volume_of(const TriangleMesh& mesh) {
-  MassProperties properties;
-  properties.add(mesh);
-  return properties.volume();
-}
 
 double total_hull_volume(const std::vector<std::vector<Eigen::Vector3d>>& parts) {
   return std::accumulate(parts.begin(), parts.end(), 0.0,

@@ -8,17 +8,10 @@
 
 #include "smartsurf/mesh/ConvexDecomposition.h"
 #include "smartsurf/mesh/ConvexHull.h"
-#include "smartsurf/mesh/MassProperties.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
 namespace smartsurf::mesh {
 namespace {
-
-double volume_of(const TriangleMesh& mesh) {
-  MassProperties properties;
-  properties.add(mesh);
-  return properties.volume();
-}
 
 // Points − edges + triangles: 2 for a ball, 0 for a torus.
 std::ptrdiff_t euler_characteristic(const TriangleMesh& mesh) {
@@ -67,18 +60,10 @@ TEST(MeshSimplification, EdgesStaySharp) {
   // An L whose triangles are split into four, five times.
   TriangleMesh mesh = l_mesh();
   for (int round = 0; round < 5; ++round) {
-    std::vector<std::array<std::uint32_t, 3>> finer;
-    const auto middle = [&](std::uint32_t a, std::uint32_t b) {
+    split_triangles(mesh, [&](std::uint32_t a, std::uint32_t b) {
       mesh.points.push_back(0.5 * (mesh.points[a] + mesh.points[b]));
       return static_cast<std::uint32_t>(mesh.points.size() - 1);
-    };
-    for (const auto& [a, b, c] : mesh.triangles) {
-      const std::uint32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
-      for (const auto& t :
-           {std::array{a, ab, ca}, std::array{b, bc, ab}, std::array{c, ca, bc}, std::array{ab, bc, ca}})
-        finer.push_back(t);
-    }
-    mesh.triangles = std::move(finer);
+    });
     weld_points(mesh, 1e-9);
   }
   const TriangleMesh few = simplified(mesh, 100);

@@ -1,19 +1,12 @@
 // Tests the checks and repairs of meshes: closed, oriented, welded.
 #include <gtest/gtest.h>
 
-#include "smartsurf/mesh/MassProperties.h"
 #include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
 namespace smartsurf::mesh {
 namespace {
 
 using testing::Test;
-
-double volume_of(const TriangleMesh& mesh) {
-  MassProperties properties;
-  properties.add(mesh);
-  return properties.volume();
-}
 
 TriangleMesh cube(double low = 0.0, double high = 1.0) {
   return box_mesh(Eigen::Vector3d::Constant(low), Eigen::Vector3d::Constant(high));

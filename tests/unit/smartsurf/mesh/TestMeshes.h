@@ -1,12 +1,16 @@
 // Closed, outward-oriented test meshes with known volumes.
 #pragma once
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "smartsurf/mesh/MassProperties.h"
 #include "smartsurf/mesh/TriangleMesh.h"
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -61,6 +65,25 @@ inline TriangleMesh l_mesh() {
                1.0);
 }
 
+inline double volume_of(const TriangleMesh& mesh) {
+  MassProperties properties;
+  properties.add(mesh);
+  return properties.volume();
+}
+
+// Splits each triangle into four; middle(a, b) returns the point in the middle of an edge.
+template <class Middle>
+void split_triangles(TriangleMesh& mesh, const Middle& middle) {
+  std::vector<std::array<std::uint32_t, 3>> finer;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const std::uint32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+    for (const auto& t :
+         {std::array{a, ab, ca}, std::array{b, bc, ab}, std::array{c, ca, bc}, std::array{ab, bc, ca}})
+      finer.push_back(t);
+  }
+  mesh.triangles = std::move(finer);
+}
+
 // A unit sphere: an icosahedron whose triangles are split into four, `rounds` times.
 inline TriangleMesh icosphere(int rounds) {
   const double g = (1.0 + std::sqrt(5.0)) / 2.0;
@@ -82,19 +105,11 @@ inline TriangleMesh icosphere(int rounds) {
   for (auto& p : mesh.points) p.normalize();
   for (; rounds > 0; --rounds) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
-    const auto middle = [&](std::uint32_t a, std::uint32_t b) {
+    split_triangles(mesh, [&](std::uint32_t a, std::uint32_t b) {
       const auto [it, is_new] = middles.try_emplace(std::minmax(a, b), mesh.points.size());
       if (is_new) mesh.points.push_back((mesh.points[a] + mesh.points[b]).normalized());
       return it->second;
-    };
-    std::vector<std::array<std::uint32_t, 3>> finer;
-    for (const auto& [a, b, c] : mesh.triangles) {
-      const std::uint32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
-      for (const auto& t :
-           {std::array{a, ab, ca}, std::array{b, bc, ab}, std::array{c, ca, bc}, std::array{ab, bc, ca}})
-        finer.push_back(t);
-    }
-    mesh.triangles = std::move(finer);
+    });
   }
   return mesh;
 }
