@@ -45,7 +45,7 @@ class DataSets(ExperimentTest):
         paths = map(self.script, scripts, ("sound.lua", "fails.lua"))
         for script, mode in itertools.product(paths, ("NextStep", "SameStep")):
             with self.subTest(script=script, mode=mode):
-                data = self.collect(smartsurf.VectorEnv(script, 3, autoreset_mode=mode))
+                data = self.collect(smartsurf.VectorEnv(script, 3, autoreset_mode=mode, seed=3))
                 self.assertGreater(data.total_episodes, 5)
                 ends = 0
                 for episode, metadata in zip(data.iterate_episodes(), data.storage.get_episode_metadata(range(data.total_episodes))):
