@@ -6,7 +6,6 @@
 
 #include "smartsurf/world/CollisionPipeline.h"
 #include "smartsurf/world/field/ConvexOnField.h"
-#include "smartsurf/world/field/SphereOnField.h"
 #include "smartsurf/world/narrowphase/ContactMatching.h"
 #include "smartsurf/world/narrowphase/InternalEdges.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
@@ -146,9 +145,9 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const int known = previous_contacts_.find_static(i, results.member);
   const auto previous =
       known < 0 ? std::span<const Contact>() : previous_list.contacts_of(previous_list.manifolds[known]);
-  if (bodies.is_sphere[i] && !collider_.free_layout())
-    collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts,
-                              bodies.velocity(i), dt_s_);
+  if (bodies.is_sphere[i])
+    collider_.collide_sphere_with_columns(centre, bodies.bounding_radius[i], margin,
+                                          {bodies.velocity(i), dt_s_}, out.contacts);
   else if (collider_.free_layout() || field_.has_contacts_per_cell() || bodies.rolls_unevenly[i])
     collider_.collide_columns(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else

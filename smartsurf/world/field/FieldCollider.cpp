@@ -6,19 +6,26 @@
 #include "smartsurf/world/field/Columns.h"
 #include "smartsurf/world/field/ConvexOnField.h"
 #include "smartsurf/world/field/SkinContacts.h"
-#include "smartsurf/world/field/SphereOnField.h"
 #include "smartsurf/world/field/TipsOnField.h"
 
 namespace smartsurf::world {
 
 void FieldCollider::collide_columns(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
                                     std::vector<Contact>& out) const {
-  if (free_layout_)
+  if (shape.is_sphere())
+    collide_sphere_with_columns(centre, shape.bounding_radius, margin, {}, out);
+  else if (free_layout_)
     free_layout_->collide(shape, centre, axes, margin, out);
-  else if (shape.is_sphere())
-    collide_sphere_with_field(field_, centre, shape.bounding_radius, margin, out);
   else
     collide_shape_with_field(field_, shape, centre, axes, margin, out);
+}
+
+void FieldCollider::collide_sphere_with_columns(const Vec3& centre, float radius, float margin,
+                                                const SphereMotion& motion, std::vector<Contact>& out) const {
+  if (free_layout_)
+    free_layout_->collide_sphere(centre, radius, margin, motion, out);
+  else
+    collide_sphere_with_field(field_, centre, radius, margin, out, motion);
 }
 
 void FieldCollider::collide_skin_or_tips(const Shape& shape, const Vec3& centre, const Mat3& axes,

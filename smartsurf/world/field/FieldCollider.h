@@ -21,10 +21,12 @@ class FieldCollider {
 
   // Null for a rectangular layout.
   const FreeLayoutField* free_layout() const { return free_layout_.get(); }
-  // These append the contacts with separations up to `margin`: with columns, with the skin or the tips, with
-  // all.
+  // These append the contacts with separations up to `margin`: with columns, those of a sphere that moves,
+  // with the skin or the tips, with all.
   void collide_columns(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                        std::vector<Contact>& out) const;
+  void collide_sphere_with_columns(const Vec3& centre, float radius, float margin, const SphereMotion&,
+                                   std::vector<Contact>& out) const;
   void collide_skin_or_tips(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                             std::vector<Contact>& out) const;
   void collide(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,

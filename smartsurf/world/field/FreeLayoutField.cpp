@@ -4,14 +4,12 @@
 #include <cmath>
 
 #include "smartsurf/world/field/ConvexOnField.h"
-#include "smartsurf/world/field/SphereManifoldReducer.h"
-#include "smartsurf/world/field/SphereOnField.h"
 #include "smartsurf/world/narrowphase/SupportFeature.h"
 
 namespace smartsurf::world {
 namespace {
 
-constexpr int kCentreCell = 4;                   // index in the local 3×3 grid
+constexpr int kCentreRow = 1, kCentreCell = 4;   // in the local 3×3 grid
 constexpr int kNeighbourCell[4] = {3, 5, 1, 7};  // west, east, north, south
 constexpr float kSideNormal[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};
 
@@ -20,6 +18,30 @@ Vec3 rotated(const Vec3& v, float sine, float cosine) {
 }
 
 }  // namespace
+
+// The frame of a cell, in which it is the centre of the local grid.
+struct FreeLayoutField::CellFrame {
+  CellFrame(const surface::Field& field, std::size_t cell)
+      : cell_(static_cast<std::int32_t>(cell)),
+        centre_(field.x[cell], field.y[cell], 0),
+        grid_centre_(field.pitch, field.pitch, 0) {
+    const float angle = field.angle.empty() ? 0.0F : field.angle[cell];
+    sine_ = std::sin(angle), cosine_ = std::cos(angle);
+  }
+
+  Vec3 vector_to_cell(const Vec3& v) const { return rotated(v, -sine_, cosine_); }
+  Vec3 point_to_cell(const Vec3& p) const { return vector_to_cell(p - centre_) + grid_centre_; }
+  // A contact of the centre cell.
+  void turn_to_table(Contact& c) const {
+    for (Vec3* v : {&c.normal, &c.anchor, &c.surface_velocity}) *v = rotated(*v, sine_, cosine_);
+    c.feature_id = cell_;
+  }
+
+ private:
+  std::int32_t cell_;
+  Vec3 centre_, grid_centre_;
+  float sine_, cosine_;
+};
 
 FreeLayoutField::FreeLayoutField(const surface::Field& field)
     : field_(field), half_diagonal_(length_of(field.half_top_x, field.half_top_y)) {
@@ -142,57 +164,53 @@ void FreeLayoutField::load_local_grid(std::size_t cell, surface::Field& f) const
   f.surface_spin[kCentreCell] = field_.surface_spin.empty() ? 0.0F : field_.surface_spin[cell];
 }
 
-void FreeLayoutField::collide_cell(std::size_t cell, const Shape& shape, const Vec3& centre, const Mat3& axes,
-                                   float margin, surface::Field& f, std::vector<Contact>& out) const {
-  load_local_grid(cell, f);
-  const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
-  const float sine = std::sin(angle), cosine = std::cos(angle);
-  // The cell is the centre of the local 3×3 grid, at (pitch, pitch).
-  const Vec3 grid_centre(f.pitch, f.pitch, 0);
-  const Vec3 local_position =
-      rotated(centre - Vec3(field_.x[cell], field_.y[cell], 0), -sine, cosine) + grid_centre;
-  const std::size_t first = out.size();
-  if (shape.is_sphere()) {
-    collide_sphere_with_field(f, local_position, shape.radius, margin, out);
-  } else {
-    Mat3 local_axes;
-    for (int i = 0; i < 3; ++i) local_axes.col(i) = rotated(axes.col(i), -sine, cosine);
-    collide_shape_with_field(f, shape, local_position, local_axes, margin, out);
-  }
-  std::size_t kept = first;
-  for (std::size_t k = first; k < out.size(); ++k) {
-    if (out[k].feature_id != kCentreCell) continue;
-    Contact c = out[k];
-    c.normal = rotated(c.normal, sine, cosine);
-    c.anchor = rotated(c.anchor, sine, cosine);
-    c.surface_velocity = rotated(c.surface_velocity, sine, cosine);
-    c.feature_id = static_cast<std::int32_t>(cell);
-    out[kept++] = c;
-  }
-  out.resize(kept);
+template <class Each>
+void FreeLayoutField::for_each_local_grid(const Vec3& low, const Vec3& high, Each each) const {
+  if (low.z() > field_.max_height) return;
+  surface::Field local_grid = make_local_grid();
+  for_each_cell(low, high, [&](std::size_t cell) {
+    if (field_.column_height()[cell] < low.z()) return;
+    load_local_grid(cell, local_grid);
+    each(local_grid, CellFrame(field_, cell));
+  });
+}
+
+void FreeLayoutField::collide_sphere(const Vec3& centre, float radius, float margin,
+                                     const SphereMotion& motion, std::vector<Contact>& out) const {
+  const Vec3 extent = Vec3::Constant(radius + margin);
+  SphereContactReducer reducer;
+  for_each_local_grid(
+      centre - extent, centre + extent, [&](const surface::Field& local_grid, const CellFrame& frame) {
+        const SphereMotion local_motion{frame.vector_to_cell(motion.velocity), motion.dt_s};
+        auto found = collide_sphere_with_cell(local_grid, kCentreRow, kCentreRow, frame.point_to_cell(centre),
+                                              radius, margin, local_motion);
+        if (!found) return;
+        frame.turn_to_table(*found);
+        reducer.add(*found);
+      });
+  reducer.reduce([&](const Contact& c) { out.push_back(c); });
 }
 
 void FreeLayoutField::collide(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
                               std::vector<Contact>& out) const {
   const Vec3 extent = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
-  if (centre.z() - extent.z() > field_.max_height) return;
-  surface::Field f = make_local_grid();
-  std::vector<Contact> contacts;
-  for_each_cell(centre - extent, centre + extent, [&](std::size_t cell) {
-    if (field_.column_height()[cell] >= centre.z() - extent.z())
-      collide_cell(cell, shape, centre, axes, margin, f, contacts);
-  });
-  if (shape.is_sphere()) {
-    SphereManifoldReducer<Contact> reducer;
-    for (const Contact& c : contacts) reducer.add(c);
-    reducer.reduce([&](const Contact& c) { out.push_back(c); });
-    return;
-  }
-  if (field_.has_contacts_per_cell()) {
+  std::vector<Contact> contacts, of_grid;
+  for_each_local_grid(
+      centre - extent, centre + extent, [&](const surface::Field& local_grid, const CellFrame& frame) {
+        Mat3 local_axes;
+        for (int i = 0; i < 3; ++i) local_axes.col(i) = frame.vector_to_cell(axes.col(i));
+        of_grid.clear();
+        collide_shape_with_field(local_grid, shape, frame.point_to_cell(centre), local_axes, margin, of_grid);
+        for (Contact& c : of_grid) {
+          if (c.feature_id != kCentreCell) continue;
+          frame.turn_to_table(c);
+          contacts.push_back(c);
+        }
+      });
+  if (field_.has_contacts_per_cell())
     out.insert(out.end(), contacts.begin(), contacts.end());
-    return;
-  }
-  append_reduced(contacts, out);
+  else
+    append_reduced(contacts, out);
 }
 
 }  // namespace smartsurf::world

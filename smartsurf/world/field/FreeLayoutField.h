@@ -10,6 +10,7 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/body/Shape.h"
 #include "smartsurf/world/contact/Contact.h"
+#include "smartsurf/world/field/SphereOnField.h"
 
 namespace smartsurf::world {
 
@@ -18,7 +19,10 @@ class FreeLayoutField {
   // `field` must outlive the object, and its layout must not change.
   explicit FreeLayoutField(const surface::Field&);
 
-  // Appends the contacts of a shape, reduced as in a rectangular layout, with separations up to `margin`.
+  // Append the contacts of a sphere, or of another shape, reduced as in a rectangular layout, with
+  // separations up to `margin`.
+  void collide_sphere(const Vec3& centre, float radius, float margin, const SphereMotion&,
+                      std::vector<Contact>& out) const;
   void collide(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                std::vector<Contact>& out) const;
   // The cells near a box, ascending.
@@ -29,14 +33,16 @@ class FreeLayoutField {
   struct Neighbours {
     std::int32_t cell[4][2];
   };
+  struct CellFrame;
   template <class Each>
   void for_each_cell(const Vec3& low, const Vec3& high, Each each) const;
+  // Calls each(cell, local grid, frame) for the cells near a box that reach up to it.
+  template <class Each>
+  void for_each_local_grid(const Vec3& low, const Vec3& high, Each each) const;
   int bucket(float u, int axis) const;
   int cell_at(float x, float y, float tolerance) const;
   Neighbours find_neighbours(std::size_t cell) const;
   bool is_bridged(std::size_t cell, int side) const;
-  void collide_cell(std::size_t cell, const Shape&, const Vec3& centre, const Mat3& axes, float margin,
-                    surface::Field& local_grid, std::vector<Contact>& out) const;
   surface::Field make_local_grid() const;
   void load_local_grid(std::size_t cell, surface::Field& local_grid) const;
 

@@ -2,8 +2,6 @@
 
 #include <numbers>
 
-#include "smartsurf/world/field/SphereManifoldReducer.h"
-
 namespace smartsurf::world {
 namespace {
 
@@ -11,21 +9,14 @@ struct SphereCandidate {
   Vec3 normal;
   float separation;
   int row, column;
-  float order = separation;  // what the sphere meets in the step comes before all that it passes
-};
-
-// The motion of a sphere in the step.
-struct SphereMotion {
-  Vec3 velocity;
-  float dt_s;
-
-  // Relative to the cell's top.
-  Vec3 over(const surface::Field& f, Index cell) const {
-    return dt_s * (velocity - Vec3(0, 0, f.speed[cell]));
-  }
+  float order = separation;  // SphereContact::order
 };
 
 using Reducer = SphereManifoldReducer<SphereCandidate, &SphereCandidate::order>;
+
+Columns columns_below(const surface::Field& field, float radius) {
+  return Columns(field, std::numbers::sqrt2_v<float> * radius);
+}
 
 Vec3 offset_from(const Column& q, const Vec3& p) {
   return p -
@@ -60,8 +51,10 @@ void advance_to_impact(const Column& q, const Vec3& centre, float radius, const 
   plane.order = kFirst * time;
 }
 
+// Calls found(candidate) for the column's candidate, if there is any.
+template <class Found>
 void collide_column(const Columns& columns, int row, int column, const Vec3& centre, float radius,
-                    float reach, const SphereMotion& motion, Reducer& reducer) {
+                    float reach, const SphereMotion& motion, Found found) {
   const Column q = columns.at(row, column);
   const Vec3 offset = offset_from(q, centre);
   const float distance_squared = offset.squaredNorm();
@@ -70,14 +63,25 @@ void collide_column(const Columns& columns, int row, int column, const Vec3& cen
     // Beyond a bridged side the neighbour is closer and yields the contact.
     if (q.leans_over_bridge(offset.x(), offset.y(), 0.0F)) return;
     const float length = std::sqrt(distance_squared);
-    SphereCandidate found{offset / length, length - radius, row, column};
+    SphereCandidate candidate{offset / length, length - radius, row, column};
     if (motion.dt_s > 0.0F)
-      advance_to_impact(q, centre, radius, motion.over(columns.field(), columns.index(row, column)), found);
-    reducer.add(found);
+      advance_to_impact(q, centre, radius, motion.over(columns.field(), columns.index(row, column)),
+                        candidate);
+    found(candidate);
   } else {
     const EscapeDirection out = escape_direction(q, centre, centre, false);
-    if (!std::isinf(out.distance)) reducer.add({out.normal, out.distance - radius, row, column});
+    if (!std::isinf(out.distance)) found(SphereCandidate{out.normal, out.distance - radius, row, column});
   }
+}
+
+void set_contact(const Columns& columns, const Vec3& centre, float radius, const SphereCandidate& from,
+                 Contact& to) {
+  to.normal = from.normal;
+  to.anchor = -radius * from.normal;
+  to.separation = from.separation;
+  to.partner = Partner::kCell;
+  to.feature_id = columns.index(from.row, from.column);
+  set_surface_velocity(columns, from.row, from.column, centre - (radius + from.separation) * from.normal, to);
 }
 
 }  // namespace
@@ -95,15 +99,27 @@ void set_surface_velocity(const Columns& columns, int row, int column, const Vec
   c.surface_spin = spin;
 }
 
+std::optional<SphereContact> collide_sphere_with_cell(const surface::Field& field, int row, int column,
+                                                      const Vec3& centre, float radius, float margin,
+                                                      const SphereMotion& motion) {
+  const Columns columns = columns_below(field, radius);
+  std::optional<SphereContact> contact;
+  collide_column(columns, row, column, centre, radius, radius + margin, motion,
+                 [&](const SphereCandidate& found) {
+                   set_contact(columns, centre, radius, found, contact.emplace());
+                   contact->order = found.order;
+                 });
+  return contact;
+}
+
 void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, float radius, float margin,
-                               std::vector<Contact>& out, const Vec3& velocity, float dt_s) {
+                               std::vector<Contact>& out, const SphereMotion& motion) {
   const float reach = radius + margin;
   if (centre.z() - reach > field.max_height) return;
-  const Columns columns(field, std::numbers::sqrt2_v<float> * radius);
+  const Columns columns = columns_below(field, radius);
   const CellRange cells =
       columns.cells_covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
   const float half_pitch = 0.5F * columns.pitch(), reach_squared = reach * reach;
-  const SphereMotion motion{velocity, dt_s};
   Reducer reducer;
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
     const float dy = std::max(0.0F, std::abs(centre.y() - columns.y(r)) - half_pitch);
@@ -111,18 +127,12 @@ void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, 
       const float dx = std::max(0.0F, std::abs(centre.x() - columns.x(c)) - half_pitch);
       const float dz = std::max(0.0F, centre.z() - columns.top(r, c));
       if (dx * dx + dy * dy + dz * dz <= reach_squared)
-        collide_column(columns, r, c, centre, radius, reach, motion, reducer);
+        collide_column(columns, r, c, centre, radius, reach, motion,
+                       [&](const SphereCandidate& found) { reducer.add(found); });
     }
   }
-  reducer.reduce([&](const SphereCandidate& t) {
-    Contact& contact = out.emplace_back();
-    contact.normal = t.normal;
-    contact.anchor = -radius * t.normal;
-    contact.separation = t.separation;
-    contact.partner = Partner::kCell;
-    contact.feature_id = columns.index(t.row, t.column);
-    set_surface_velocity(columns, t.row, t.column, centre - (radius + t.separation) * t.normal, contact);
-  });
+  reducer.reduce(
+      [&](const SphereCandidate& t) { set_contact(columns, centre, radius, t, out.emplace_back()); });
 }
 
 }  // namespace smartsurf::world

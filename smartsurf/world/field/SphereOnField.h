@@ -6,18 +6,39 @@
 // into them.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/Columns.h"
+#include "smartsurf/world/field/SphereManifoldReducer.h"
 
 namespace smartsurf::world {
 
-// Appends at most four contacts, chosen by SphereManifoldReducer, with separations up to `margin` ≥ 0. Where
-// the sphere meets a column within dt_s, the contact's plane is that of the impact.
+// The motion of a sphere in a step. Where it meets a column within dt_s, the contact's plane is that of the
+// impact.
+struct SphereMotion {
+  Vec3 velocity = Vec3::Zero();
+  float dt_s = 0.0F;
+
+  // Relative to the cell's top.
+  Vec3 over(const surface::Field& f, Index cell) const {
+    return dt_s * (velocity - Vec3(0, 0, f.speed[cell]));
+  }
+};
+
+// Appends at most four contacts, chosen by SphereManifoldReducer, with separations up to `margin` ≥ 0.
 void collide_sphere_with_field(const surface::Field&, const Vec3& centre, float radius, float margin,
-                               std::vector<Contact>& out, const Vec3& velocity = Vec3::Zero(),
-                               float dt_s = 0.0F);
+                               std::vector<Contact>& out, const SphereMotion& = {});
+
+// The contact with one cell, if there is any.
+struct SphereContact : Contact {
+  float order;  // ascending: the columns that the sphere meets in the step, then those that it passes
+};
+using SphereContactReducer = SphereManifoldReducer<SphereContact, &SphereContact::order>;
+std::optional<SphereContact> collide_sphere_with_cell(const surface::Field&, int row, int column,
+                                                      const Vec3& centre, float radius, float margin,
+                                                      const SphereMotion&);
 
 // Sets surface_velocity and surface_spin of a contact from its cell, at `point`. The normal must be set.
 void set_surface_velocity(const Columns&, int row, int column, const Vec3& point, Contact&);

@@ -14,6 +14,8 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kMinOverlap = 1e-6F;  // rounding errors of a position, u
+// A sphere hits two static surfaces at once if this far from the second when it hits the first, u.
+constexpr float kSameInstant = 1e-4F;
 constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
 constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
 // A contact without restitution resists a blow if it approaches at this share of the speed of the blow.
@@ -136,8 +138,43 @@ void ImpactSolver::find_hits(const Step& step) {
     if (hit.in_substeps) return c.total_normal_impulse <= 0.0F;
     const Manifold& m = list.manifolds[hit.manifold];
     if (hit.is_pair) return !meet(step, hit);
-    return Sides(step, m, c).separation(c, step.dt_s) > 0.0F;
+    const float start = std::max(c.separation, 0.0F), end = Sides(step, m, c).separation(c, step.dt_s);
+    if (end > 0.0F) return true;
+    hit.fraction = start > 0.0F ? start / (start - end) : 0.0F;
+    return false;
   });
+  postpone_later_hits(step);
+}
+
+// A sphere that hits several static surfaces in the step, one after the other, may miss the later ones once
+// it rebounds from the first: they are none of the first generation.
+void ImpactSolver::postpone_later_hits(const Step& step) {
+  postponed_.clear();
+  auto kept = hits_.begin();
+  for (auto first = hits_.begin(), end = first; first != hits_.end(); first = end) {
+    end = std::find_if(first, hits_.end(), [&](const Hit& hit) {
+      return hit.is_pair != first->is_pair || hit.manifold != first->manifold;
+    });
+    const bool of_sphere =
+        !first->is_pair && step.bodies.is_sphere[step.static_contacts.manifolds[first->manifold].a];
+    const bool any_later =
+        of_sphere && end - first > 1 && std::ranges::none_of(first, end, &Hit::in_substeps);
+    const float earliest =
+        any_later ? std::ranges::min_element(first, end, {}, &Hit::fraction)->fraction : 1.0F;
+    for (auto hit = first; hit != end; ++hit)
+      if (!any_later || !postpone(step, *hit, earliest)) *kept++ = *hit;
+  }
+  hits_.erase(kept, hits_.end());
+}
+
+bool ImpactSolver::postpone(const Step& step, const Hit& hit, float earliest) {
+  if (hit.fraction <= earliest) return false;
+  const float start = step.static_contacts.contacts[hit.contact].separation,
+              separation = start * (1.0F - earliest / hit.fraction);
+  if (separation <= kSameInstant) return false;
+  postponed_.resize(step.static_contacts.contacts.size());
+  postponed_[hit.contact] = {separation, (1.0F - earliest) * step.dt_s};
+  return true;
 }
 
 // Finds when and where the bodies of a pair meet. False: they do not. The path of spheres is that of their
@@ -458,6 +495,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
     const Sides s(step, m, c);
     const float speed = c.normal.dot(s.velocity());
     if (speed >= 0.0F || s.separation(c, step.dt_s) > touching_separation(step, speed)) continue;
+    if (!ref.is_pair && !postponed_.empty() && !postponed_[k].is_met_at(speed)) continue;
     touches |= s.separation(c, step.dt_s) <= kTouchingSeparation;
     least = std::min(least, speed);
     approaching_.push_back({&c, law::rebound_speed(restitution, speed)});

@@ -74,6 +74,12 @@ class ImpactSolver {
     Vec3 normal, approach{0, 0, 0};  // of a pair, as they meet: the movement of a relative to b until then
     Vec3 set_back_a{0, 0, 0}, set_back_b{0, 0, 0};  // of a pair
   };
+  // A static contact that a sphere was to hit after another one: its separation when the sphere hits the
+  // first, and how long the step lasts from there on.
+  struct Postponed {
+    float separation = 0.0F, time_left_s = 0.0F;
+    bool is_met_at(float speed) const { return separation + time_left_s * speed <= 0.0F; }
+  };
   // The two sides of a contact in the state at the end of the substeps.
   struct Sides {
     BodyVelocity *velocity_a, *velocity_b = nullptr;  // b: null if static
@@ -159,6 +165,8 @@ class ImpactSolver {
   bool continue_islands();
   void take_changes();
   void find_hits(const Step&);
+  void postpone_later_hits(const Step&);
+  bool postpone(const Step&, const Hit&, float earliest);
   bool meet(const Step&, Hit&) const;
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
@@ -195,6 +203,7 @@ class ImpactSolver {
   std::vector<Hit> hits_;
   // Manifolds of each body. Pairs are linked lists of 2·i (as body a) and 2·i + 1 (as body b) for manifold i.
   std::vector<std::int32_t> first_pair_, next_pair_, static_manifold_;
+  std::vector<Postponed> postponed_;       // by static contact; empty if there is none
   std::vector<std::uint8_t> static_hits_;  // by body: generations that its static contacts took part in
   // Bodies that the last generation moved, and their manifolds.
   std::vector<std::int32_t> changed_bodies_;

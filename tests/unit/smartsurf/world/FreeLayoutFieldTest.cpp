@@ -47,14 +47,13 @@ TEST_P(FreeLayout, SphereContactsMatchGrid) {
   std::mt19937 random(3);
   const surface::Field grid = make_random_field(random, GetParam()), free_layout = with_positions(grid);
   const FreeLayoutField field(free_layout);
-  const Shape sphere = make_shape(make_sphere(1.3));
   std::uniform_real_distribution<float> horizontal(3.0F, 8.0F), vertical(0.9F, 1.6F);
   int touching = 0;
   for (int i = 0; i < 300; ++i) {
     const Vec3 centre(horizontal(random), horizontal(random), vertical(random));
     std::vector<Contact> expected, found;
     collide_sphere_with_field(grid, centre, 1.3F, kLayoutMargin, expected);
-    field.collide(sphere, centre, Mat3::Identity(), kLayoutMargin, found);
+    field.collide_sphere(centre, 1.3F, kLayoutMargin, {}, found);
     ASSERT_EQ(found.empty(), expected.empty()) << i;
     if (expected.empty()) continue;
     ++touching;
@@ -90,10 +89,9 @@ TEST(FreeLayoutField, RotatedCellUsesItsOwnFrame) {
   field.y = {5.0F};
   field.angle = {0.7853982F};  // 45°: a corner of the top lies 0.4·√2 east of the centre
   const FreeLayoutField free_layout(field);
-  const Shape ball = make_shape(make_sphere(0.1));
   std::vector<Contact> inside, outside;
-  free_layout.collide(ball, Vec3(4.5F, 5, 0.09F), Mat3::Identity(), 0.0F, inside);
-  free_layout.collide(ball, Vec3(4.7F, 5, 0.09F), Mat3::Identity(), 0.0F, outside);
+  free_layout.collide_sphere(Vec3(4.5F, 5, 0.09F), 0.1F, 0.0F, {}, inside);
+  free_layout.collide_sphere(Vec3(4.7F, 5, 0.09F), 0.1F, 0.0F, {}, outside);
   ASSERT_FALSE(inside.empty());
   EXPECT_NEAR(inside[0].separation, -0.01F, 1e-5F);
   EXPECT_EQ(inside[0].feature_id, 0);
