@@ -122,7 +122,8 @@ ISR(TIMER0_COMPA_vect) {
   if (ssd_watchdog(&device, 1000)) move_pins();
 }
 
-/* PE4 (pin 2), low: a button that opens. */
+/* PE4 (pin 2), pulled up: a button that closes to ground. The edge stops at once. The main loop reads the
+ * level, which counts at power-up and after SSW_ARM. */
 ISR(INT4_vect) {
   ssd_stop(&device, SSW_STOP_BY_LINE);
   move_pins();
@@ -187,6 +188,7 @@ int main(void) {
     if (!period_over) continue;
     period_over = 0;
     read_forces();
+    if (!(PINE & _BV(PE4))) ssd_stop(&device, SSW_STOP_BY_LINE);
     ssd_period(&device);
     if (device.in_force != SSW_NONE) powered = 1;
     move_pins();

@@ -129,8 +129,12 @@ void DeviceLink::reset() {
 }
 
 void DeviceLink::count_sequence(std::uint8_t sequence) {
-  const bool is_repeated = sequence == static_cast<std::uint8_t>(expected_ - 1);
-  if (has_sequence_ && !is_repeated) lost_ += static_cast<std::uint8_t>(sequence - expected_);
+  const auto gap = static_cast<std::uint8_t>(has_sequence_ ? sequence - expected_ : 0);
+  is_repeated_ = gap == 255;
+  if (gap != 0 && !is_repeated_) {
+    lost_ += gap;
+    in_frame_ = false;  // the next chunk may be another frame's
+  }
   has_sequence_ = true;
   expected_ = static_cast<std::uint8_t>(sequence + 1);
 }
@@ -306,9 +310,9 @@ DeviceLink::Event DeviceLink::end_description_if_complete() {
 }
 
 // ---- sensor frames
-// The line preserves order: if chunks do not arrive in sequence, one was lost and the frame with it.
+// The chunks of a frame ascend; otherwise it is discarded.
 DeviceLink::Event DeviceLink::handle_data(const ssw_packet& packet) {
-  if (!described_ || packet.payload_bytes <= SSW_DATA_HEADER) return Event::kAlive;
+  if (!described_ || is_repeated_ || packet.payload_bytes <= SSW_DATA_HEADER) return Event::kAlive;
   const std::size_t index = packet.payload[0];
   if (index >= description_.channels.size() || !description_.channels[index].sensor) return Event::kAlive;
   const DeviceChannel& c = description_.channels[index];

@@ -143,7 +143,7 @@ class DeviceLink {
   ssw_clock clock_{};
   ssw_status status_{};
   std::uint8_t sequence_ = 0, expected_ = 0;
-  bool has_sequence_ = false;
+  bool has_sequence_ = false, is_repeated_ = false;  // of the last packet
   std::uint64_t lost_ = 0;
 };
 

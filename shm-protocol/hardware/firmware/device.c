@@ -146,8 +146,7 @@ static void clamp(ssd_device* d, uint8_t channel, uint32_t e) {
     put_element(c->next, e, c->info.dtype, c->info.safe);
 }
 
-/* A serial line preserves order: if the chunks of a frame do not arrive in sequence, one was lost and the
- * rest of the frame is discarded. */
+/* The chunks of a frame ascend; otherwise the rest of the frame is discarded. */
 static void handle_data(ssd_device* d, const ssw_packet* p) {
   uint32_t first, before = 0, count, e;
   const ssd_channel* c;
@@ -453,6 +452,7 @@ void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint
   d->write = write;
   d->context = context;
   d->version = 1;
+  d->last_received = 0xFF;
   for (i = 0; i < count; ++i) {
     channels[i].info.index = i;
     set_range(&d->state[i], &channels[i].info);
@@ -469,12 +469,16 @@ void ssd_limit(ssd_device* d, uint8_t channel, const ssw_limits* limits, ssd_mot
 
 void ssd_receive(ssd_device* d, uint8_t byte) {
   ssw_packet packet;
+  uint8_t step = 1;
   if (!ssw_receive(&d->receiver, byte, &packet)) return;
   settle(d);
-  if (packet.type != SSW_EDGE) { /* a neighbour's, whose life says nothing of the host's */
+  if (packet.type != SSW_EDGE) { /* a neighbour's, whose life and sequence say nothing of the host's */
     d->silent = 0;
     d->fed = 1;
+    step = (uint8_t)(packet.sequence - d->last_received);
+    d->last_received = packet.sequence;
   }
+  if (step > 1) d->frame_tick = SSW_NONE; /* a packet was lost: the next chunk may be another frame's */
   switch (packet.type) {
     case SSW_DESCRIBE:
       d->version = 1;
@@ -492,7 +496,7 @@ void ssd_receive(ssd_device* d, uint8_t byte) {
       apply_safe_values(d);
       break;
     case SSW_ACTUATOR_DATA:
-      handle_data(d, &packet);
+      if (step != 0) handle_data(d, &packet);
       break;
     case SSW_ACTUATOR_END:
       handle_end(d, &packet);
@@ -501,7 +505,7 @@ void ssd_receive(ssd_device* d, uint8_t byte) {
       follow(d, &packet);
       break;
     case SSW_STOP_NOW:
-      if (packet.payload_bytes == SSW_STOP_NOW_BYTES && !d->stopped) ssd_stop(d, ssw_get_u32(packet.payload));
+      if (packet.payload_bytes == SSW_STOP_NOW_BYTES) ssd_stop(d, ssw_get_u32(packet.payload));
       settle(d);
       break;
     case SSW_ARM:
@@ -570,7 +574,8 @@ int ssd_watchdog(ssd_device* d, uint32_t elapsed_us) {
 }
 
 void ssd_stop(ssd_device* d, uint32_t reason) {
-  if (!d->stopped) d->stop_reason = reason;
+  if (d->stopped) return;
+  d->stop_reason = reason;
   d->stopped = 1;
   set_safe_values(d);
   d->tripped = 1;

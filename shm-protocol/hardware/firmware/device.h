@@ -1,8 +1,8 @@
 /* The device's side of the byte protocol, for firmware driven by surface_bridge.
  *
  * Portable C99 on top of wire.h. Does not allocate: the firmware provides the memory of each channel. Call it
- * from one thread or interrupt level, except ssd_watchdog and ssd_stop, which belong in interrupts: they
- * write nothing to the line and use no floating point, so that the safe values depend on nothing else.
+ * from one thread or interrupt level, except ssd_watchdog and ssd_stop, which interrupts call: they write
+ * nothing to the line and use no floating point, so that the safe values depend on nothing else.
  *
  *   static uint8_t hit[ROWS * COLUMNS], height[ROWS * COLUMNS], height_next[ROWS * COLUMNS];
  *   static ssd_channel channels[] = {
@@ -14,6 +14,7 @@
  *     while (uart_has_byte()) ssd_receive(&device, uart_byte());
  *     if (period_is_over()) {     // the device's own clock
  *       read_sensors(hit);
+ *       if (stop_line_is_pressed()) ssd_stop(&device, SSW_STOP_BY_LINE);
  *       ssd_period(&device);      // height now holds the new targets
  *       move_pins(height);
  *       start_period(ssd_period_us(&device));
@@ -81,14 +82,15 @@ typedef struct ssd_device {
   const float* positions; /* x, y, z of each cell; null: a grid of the pitch */
   void* context;
   ssw_receiver receiver;
-  uint8_t sequence;
-  int running;       /* SSW_START was seen */
-  int version;       /* that the host speaks */
-  uint32_t tick;     /* of the last sensor frame sent */
-  uint32_t in_force; /* tick that the active frame answers; SSW_NONE: the safe values */
-  uint32_t missed;   /* missed deadlines */
-  uint32_t silent;   /* periods without a valid packet */
-  uint32_t dropped;  /* sensor frames for which the queue had no room */
+  uint8_t sequence;      /* of the next packet to the host */
+  uint8_t last_received; /* sequence of the host's last packet */
+  int running;           /* SSW_START was seen */
+  int version;           /* that the host speaks */
+  uint32_t tick;         /* of the last sensor frame sent */
+  uint32_t in_force;     /* tick that the active frame answers; SSW_NONE: the safe values */
+  uint32_t missed;       /* missed deadlines */
+  uint32_t silent;       /* periods without a valid packet */
+  uint32_t dropped;      /* sensor frames for which the queue had no room */
   uint32_t clamped, limited;
   uint32_t flags; /* of the last sensor frame */
   /* the actuator frame being received */
@@ -125,7 +127,8 @@ uint32_t ssd_table_tick(const ssd_device*);
 /* Counts time without a valid packet from the host. Returns 1 if it has applied the safe values. For a timer
  * interrupt. */
 int ssd_watchdog(ssd_device*, uint32_t elapsed_us);
-/* Emergency stop: applies the safe values, which stay until the host sends SSW_ARM. For a line's interrupt.
+/* Emergency stop: applies the safe values, which stay until the host sends SSW_ARM. For a line's interrupt,
+ * and before each ssd_period while the line is pressed: an edge tells nothing at power-up and after SSW_ARM.
  */
 void ssd_stop(ssd_device*, uint32_t reason);
 /* Reports a fault to the host, in at most 64 characters. */

@@ -48,8 +48,8 @@ struct Pair {
       if (const Event e = link.receive(b); e != Event::kNothing && e != Event::kAlive) events.push_back(e);
     return events;
   }
-  void start() {
-    link.write(SSW_DESCRIBE, 0, down);
+  void start(ssw_type describe = SSW_DESCRIBE) {
+    link.write(describe, 0, down);
     link.write(SSW_START, 0, down);
     ASSERT_EQ(carry(), std::vector<Event>{Event::kDescribed});
   }
@@ -155,6 +155,22 @@ Bytes joined(const std::vector<Bytes>& packets) {
   return stream;
 }
 
+Bytes framed(const ssw_packet& packet) {
+  Bytes bytes(SSW_MAX_ENCODED + 2);
+  bytes.resize(ssw_write(&packet, bytes.data()));
+  return bytes;
+}
+
+// That packet, in the next place of the sequence.
+Bytes succeeding(const Bytes& bytes) {
+  ssw_receiver receiver;
+  ssw_receiver_init(&receiver);
+  ssw_packet packet{};
+  for (const std::uint8_t b : bytes) ssw_receive(&receiver, b, &packet);
+  ++packet.sequence;
+  return framed(packet);
+}
+
 // The right number of elements is not a frame if one chunk came twice and another not at all.
 TEST(DeviceLink, RejectsMisplacedChunks) {
   Pair pair;
@@ -162,7 +178,7 @@ TEST(DeviceLink, RejectsMisplacedChunks) {
   pair.device.period();
   auto packets = packets_of(pair.up);
   ASSERT_EQ(packets[4].size(), packets[5].size());  // of pin_height
-  packets[5] = packets[4];
+  packets[5] = succeeding(packets[4]);
   pair.up = joined(packets);
   EXPECT_TRUE(pair.carry().empty());
 
@@ -173,11 +189,101 @@ TEST(DeviceLink, RejectsMisplacedChunks) {
   larger.link.write_frame(1, std::vector<float>(1200, 2.0F), larger.down);
   packets = packets_of(larger.down);
   ASSERT_EQ(packets[2].size(), packets[3].size());
-  packets[3] = packets[2];
+  packets[3] = succeeding(packets[2]);
   larger.down = joined(packets);
   larger.carry();
   larger.device.period();
   EXPECT_EQ(larger.device.heights()[0], 0);
+}
+
+// A burst of losses, a packet that comes twice, or two in the wrong order. Returns whether all came in order.
+bool disturb(std::vector<Bytes>& packets, std::mt19937& random) {
+  const std::size_t first = random() % packets.size(), count = 1 + random() % (packets.size() - first);
+  const auto at = packets.begin() + static_cast<std::ptrdiff_t>(first);
+  const unsigned kind = random() % 8;
+  if (kind == 0)
+    packets.insert(at, Bytes(*at));
+  else if (kind == 1)
+    std::iter_swap(at, at + static_cast<std::ptrdiff_t>(count) - 1);
+  else
+    packets.erase(at, at + static_cast<std::ptrdiff_t>(count));
+  return kind == 0 || (kind == 1 && count == 1);
+}
+
+// In passive mode a tick has several answers. One of them takes effect as a whole, or none.
+TEST(DeviceLink, ActuatorFramesOfATickAreNotMixed) {
+  for (const ssw_type description : {SSW_DESCRIBE, SSW_DESCRIBE2}) {
+    std::mt19937 random(31);
+    Pair pair(40, 30);
+    pair.start(description);
+    int answered = 0;
+    for (int i = 0; i < 300; ++i) {
+      pair.device.period();
+      const std::uint32_t tick = pair.device.firmware().tick;
+      for (const float height : {1.0F, 2.0F, 3.0F})
+        pair.link.write_frame(tick, std::vector<float>(1200, height), pair.down);
+      auto packets = packets_of(std::exchange(pair.down, {}));
+      const bool all_came = disturb(packets, random);
+      for (const std::uint8_t b : joined(packets)) pair.device.receive(b);
+      pair.device.period();
+      const auto heights = pair.device.heights();
+      ASSERT_EQ(std::ranges::count(heights, heights[0]), 1200) << i;
+      if (all_came) {
+        ASSERT_EQ(heights[0], 150) << i;
+      }
+      answered += pair.device.firmware().in_force == tick;
+      pair.up.clear();
+    }
+    EXPECT_GT(answered, 100);
+  }
+}
+
+// A sensor frame of the toy, of that raw value everywhere.
+void append_frame(std::uint8_t raw, std::uint32_t tick, std::uint8_t& sequence, std::vector<Bytes>& to) {
+  constexpr std::size_t kChunk = 100, kChunkBytes[] = {kChunk, 2 * kChunk, kChunk};
+  for (std::uint8_t channel = 0; channel < 3; ++channel)
+    for (std::uint32_t first = 0; first < kCells; first += kChunk) {
+      Bytes data(SSW_DATA_HEADER + kChunkBytes[channel]);
+      data[0] = channel;
+      ssw_put_u32(&data[2], first);
+      for (std::size_t i = SSW_DATA_HEADER; i < data.size(); i += channel == 1 ? 2 : 1) data[i] = raw;
+      to.push_back(framed({SSW_SENSOR_DATA, sequence++, tick, data.data(), data.size()}));
+    }
+  Bytes end(SSW_SENSOR_END_BYTES);
+  ssw_put_u32(end.data(), 3 * kCells);
+  to.push_back(framed({SSW_SENSOR_END, sequence++, tick, end.data(), end.size()}));
+}
+
+// Ticks begin again with a restart of the device.
+TEST(DeviceLink, SensorFramesOfATickAreNotMixed) {
+  for (const ssw_type description : {SSW_DESCRIBE, SSW_DESCRIBE2}) {
+    std::mt19937 random(32);
+    Pair pair;
+    pair.start(description);
+    std::uint8_t sequence = pair.device.firmware().sequence;
+    int frames = 0;
+    for (std::uint32_t i = 0; i < 300; ++i) {
+      std::vector<Bytes> packets;
+      for (const std::uint8_t raw : {1, 2, 3}) append_frame(raw, i, sequence, packets);
+      const bool all_came = disturb(packets, random);
+      int complete = 0;
+      for (const std::uint8_t b : joined(packets)) {
+        if (pair.link.receive(b) != Event::kFrame) continue;
+        const auto& values = pair.link.frame().values;
+        for (std::size_t k = 0; k < kCells; ++k) {
+          ASSERT_EQ(values[k], values[0]) << i;
+          ASSERT_EQ(values[kCells + k], values[0] * 0.001F) << i;
+          ASSERT_EQ(values[2 * kCells + k], values[0]) << i;
+        }
+        ++complete;
+      }
+      if (all_came) {
+        ASSERT_EQ(complete, 3) << i;
+      }
+      frames += complete;
+    }
+    EXPECT_GT(frames, 300);
+  }
 }
 
 TEST(DeviceLink, AbandonsFrameWithMissingPacket) {
@@ -208,7 +314,8 @@ TEST(DeviceLink, DuplicatedPacketIsNoLoss) {
   pair.device.period();
   for (const Bytes& packet : packets_of(std::exchange(pair.up, {})))
     for (int copy = 0; copy < 2; ++copy) pair.up.insert(pair.up.end(), packet.begin(), packet.end());
-  pair.carry();
+  EXPECT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
+  EXPECT_TRUE(is_right(pair.link.frame()));
   EXPECT_EQ(pair.link.lost_packets(), 0u);
   pair.device.period();
   EXPECT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
@@ -311,8 +418,8 @@ TEST(DeviceLink, IgnoresInvalidPackets) {
       payload[b] = static_cast<std::uint8_t>(random() % 4 == 0 ? random() : 0);
     const std::uint8_t types[] = {SSW_CHANNEL,       SSW_SENSOR_DATA,  SSW_SENSOR_END,
                                   SSW_ACTUATOR_DATA, SSW_ACTUATOR_END, 0x77};
-    const ssw_packet packet{types[random() % 6], 0, static_cast<std::uint32_t>(random() % 4), payload,
-                            length};
+    const ssw_packet packet{types[random() % 6], static_cast<std::uint8_t>(i),
+                            static_cast<std::uint32_t>(random() % 4), payload, length};
     const std::size_t count = ssw_write(&packet, bytes);
     for (std::size_t b = 0; b < count; ++b) {
       ASSERT_NE(pair.link.receive(bytes[b]), Event::kFrame);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "shm-protocol/hardware/firmware/device.h"
@@ -50,7 +51,7 @@ struct Rig {
     ssw_put_u32(payload.data(), reason);
     send(type, payload);
   }
-  void answer(const std::vector<T>& raw) {
+  void send_data(const std::vector<T>& raw) {
     Bytes payload(SSW_DATA_HEADER + raw.size() * sizeof(T));
     payload[0] = 1;
     for (std::size_t i = 0; i < raw.size(); ++i) {
@@ -60,12 +61,15 @@ struct Rig {
       if constexpr (sizeof(T) == 1) *to = raw[i];
     }
     send(SSW_ACTUATOR_DATA, payload);
+  }
+  void send_end() {
     Bytes end(4);
     ssw_put_u32(end.data(), kCells);
     send(SSW_ACTUATOR_END, end);
   }
   void period(const std::vector<T>& raw) {
-    answer(raw);
+    send_data(raw);
+    send_end();
     ssd_period(&device);
   }
   bool all(T raw) const {
@@ -131,6 +135,22 @@ TEST(FirmwareSafety, EdgesDoNotFeedTheWatchdog) {
   EXPECT_TRUE(rig.all(0));
 }
 
+// Neighbours count their own packets.
+TEST(FirmwareSafety, EdgesDoNotDiscardFrames) {
+  Rig<std::uint8_t> rig(SSW_U8, 0, 4, 0, 0.02F);
+  ssd_period(&rig.device);
+  const auto send_edge = [&] {
+    const std::uint8_t host = std::exchange(rig.sequence, 77);
+    rig.send(SSW_EDGE, Bytes(8));
+    rig.sequence = host;
+  };
+  rig.send_data(everywhere(200));
+  send_edge();
+  rig.send_end();
+  ssd_period(&rig.device);
+  EXPECT_TRUE(rig.all(200));
+}
+
 TEST(FirmwareSafety, DroppedPacketsLeaveNoGapInTheSequence) {
   Rig<std::uint8_t> rig(SSW_U8, 0, 4, 0, 0.02F);
   ssd_period(&rig.device);
@@ -188,6 +208,29 @@ TEST(FirmwareSafety, EmergencyStopLatchesUntilItsReasonIsArmed) {
   EXPECT_TRUE(rig.all(50));
   rig.send_reason(SSW_ARM, SSW_NONE);
   rig.period(everywhere(200));
+  EXPECT_TRUE(rig.all(200));
+}
+
+// Firmware calls ssd_stop in each period in which the line is pressed.
+TEST(FirmwareSafety, HeldLineStopsAgain) {
+  Rig<std::uint8_t> rig(SSW_U8, 0, 4, 1, 0.02F);
+  const auto period = [&](bool is_pressed) {
+    rig.send_data(everywhere(200));
+    rig.send_end();
+    if (is_pressed) ssd_stop(&rig.device, SSW_STOP_BY_LINE);
+    ssd_period(&rig.device);
+  };
+  ssd_stop(&rig.device, SSW_STOP_BY_LINE);  // pressed as the device starts
+  ssd_period(&rig.device);
+  for (int i = 0; i < 100; ++i) {
+    if (i % 10 == 9) rig.send_reason(SSW_ARM, SSW_NONE);
+    period(true);
+    ASSERT_TRUE(rig.all(50)) << i;
+    ASSERT_TRUE(rig.device.flags & SSW_STOPPED) << i;
+  }
+  EXPECT_EQ(rig.device.missed, 10u) << "answers that a new stop discards";
+  rig.send_reason(SSW_ARM, SSW_STOP_BY_LINE);
+  period(false);
   EXPECT_TRUE(rig.all(200));
 }
 
