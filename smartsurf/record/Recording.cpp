@@ -5,7 +5,6 @@
 #include <cstring>
 #include <limits>
 
-#include "smartsurf/record/LegacyPurity.h"
 #include "smartsurf/record/hdf5/AttributeArchive.h"
 #include "smartsurf/record/hdf5/CatalogueReader.h"
 #include "smartsurf/record/hdf5/DeltaEncoding.h"
@@ -71,7 +70,6 @@ struct Recording::Contents {
   bool has_objects = false, has_angular_velocities = false;
   std::optional<std::uint64_t> first_interaction_tick;
   std::optional<DeltaReader> inputs, heights, motion, skin;
-  std::optional<PuritySeries> purity;  // see legacy_purity()
 };
 
 // A run killed during a flush may leave datasets of different lengths, or a tail of fill values; frames() is
@@ -337,34 +335,15 @@ std::vector<std::string> Recording::metric_names() const {
   for (const DatasetInfo& dataset : datasets())
     if (dataset.name.starts_with(group) && dataset.extents.size() == 1)
       names.push_back(name_of_link(std::string_view(dataset.name).substr(group.size())));
-  if (has_legacy_purity()) names.emplace_back(kPurity);
   return names;
 }
 
-bool Recording::has_legacy_purity() const {
-  return !meta().declares_success && has_objects() && frames() > 0 && defines_purity(spec());
-}
+std::optional<bool> Recording::success() const { return result() ? result()->success : std::nullopt; }
 
-const PuritySeries& Recording::legacy_purity() const {
-  if (!contents_->purity)
-    contents_->purity = compute_purity(
-        spec(), times(), [&](std::size_t first, std::size_t count) { return read_positions(first, count); });
-  return *contents_->purity;
-}
-
-std::optional<bool> Recording::success() const {
-  if (has_legacy_purity()) return legacy_purity().sorted_at_s.has_value();
-  return result() ? result()->success : std::nullopt;
-}
-
-std::optional<double> Recording::success_s() const {
-  if (has_legacy_purity()) return legacy_purity().sorted_at_s;
-  return result() ? result()->success_s : std::nullopt;
-}
+std::optional<double> Recording::success_s() const { return result() ? result()->success_s : std::nullopt; }
 
 // A metric that began after the last flush of a killed run has no stored values.
 std::vector<double> Recording::read_metric(const std::string& name) const {
-  if (name == kPurity && has_legacy_purity()) return legacy_purity().values;
   return contents_->translate_errors([&] {
     const std::string dataset = std::string(paths::kMetrics) + "/" + link_name(name);
     const hsize_t stored = extents(open_dataset(contents_->file, dataset, 1))[0];

@@ -22,8 +22,6 @@
 
 namespace smartsurf::record {
 
-struct PuritySeries;
-
 // The groups of a recording that hold channels of cells.
 enum class ChannelGroup { kSensors, kActuators, kRegisters };
 inline constexpr std::array kChannelGroups = {ChannelGroup::kSensors, ChannelGroup::kActuators,
@@ -121,8 +119,6 @@ class Recording {
   std::optional<double> success_s() const;
 
  private:
-  bool has_legacy_purity() const;
-  const PuritySeries& legacy_purity() const;
   struct Contents;
   explicit Recording(std::unique_ptr<Contents> contents);
   std::unique_ptr<Contents> contents_;

@@ -1,6 +1,7 @@
 #include "smartsurf/run/ConfinedRuns.h"
 
 #include <fmt/format.h>
+#include <shm_protocol/Segments.h>
 #include <shm_protocol/SurfaceName.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -70,6 +71,19 @@ void hurry(const std::vector<std::unique_ptr<ControllerProcess>>& controllers) {
   ask_all();
 }
 
+// The names of the segments that --shm has not chosen, also those of experiments that are opened in the
+// window.
+std::vector<std::string> unnamed_segments(std::span<const RunOptions> runs) {
+  RunOptions opened;
+  opened.controller = "PROGRAM.aps";
+  std::vector<std::string> names;
+  for (const RunOptions& options : runs) {
+    if (options.shm.empty() && !options.no_controller) names.push_back(segment_name(options));
+    if (options.window) names.push_back(segment_name(opened));
+  }
+  return names;
+}
+
 // Confined, the run cannot create the folder.
 void add_mesh_cache(common::Confinement& confinement) {
   if (const fs::path folder = mesh::decomposition_folder();
@@ -117,19 +131,25 @@ void ConfinedRuns::Prepared::prepare(const RunOptions& options) {
 
 std::unique_ptr<ConfinedRuns> ConfinedRuns::confine(std::span<RunOptions> runs,
                                                     const std::vector<common::NamedOutput>& others) {
-  if (common::confinement_mode() == common::ConfinementMode::kOff) return nullptr;
-  if (const std::string reason = reason_for_freedom(runs.front()); !reason.empty()) {
+  // The destructor ends what has begun before an exception.
+  std::unique_ptr<ConfinedRuns> confined(new ConfinedRuns(runs));
+  if (common::confinement_mode() == common::ConfinementMode::kOff) return confined;
+  if (const std::string reason = reason_for_freedom(runs.front()); !reason.empty())
     common::leave_unconfined(reason);
-    return nullptr;
-  }
-  return std::unique_ptr<ConfinedRuns>(new ConfinedRuns(runs, others));
+  else
+    confined->confine_to(runs, others);
+  return confined;
 }
 
-ConfinedRuns::ConfinedRuns() : prepared_(std::make_unique<Prepared>()) {}
+ConfinedRuns::ConfinedRuns(std::span<const RunOptions> runs) : prepared_(std::make_unique<Prepared>()) {
+  const std::vector<std::string> names = unnamed_segments(runs);
+  if (names.empty()) return;
+  guardian_ = std::make_unique<common::Guardian>([&names] {
+    for (const std::string& name : names) shm_protocol::remove_orphans_of(name);
+  });
+}
 
-// Delegates, so that the destructor ends what has begun before an exception.
-ConfinedRuns::ConfinedRuns(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others)
-    : ConfinedRuns() {
+void ConfinedRuns::confine_to(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others) {
   common::Confinement& confinement = prepared_->confinement;
   confinement.calls = common::Confinement::Calls::kSimulator;
   common::add_system_files(confinement);
@@ -221,14 +241,12 @@ void ConfinedRuns::start_broker() {
     return 0;
   });
   broker_ = std::make_unique<common::Broker>(std::move(services), [prepared, controllers](bool ordered) {
-    for (const Prepared::OneRun& run : prepared->runs) {
-      if (!run.surface_name) continue;
-      if (ordered)
-        run.surface_name->remove();
-      else if (run.options.shm.empty())  // one that the user has named stays to be looked at
-        run.surface_name->remove_if_abandoned();
+    if (ordered) {  // else one that the user has named stays to be looked at
+      for (const Prepared::OneRun& run : prepared->runs)
+        if (run.surface_name) run.surface_name->remove();
+    } else {
+      hurry(*controllers);
     }
-    if (!ordered) hurry(*controllers);
     controllers->clear();
     for (const Prepared::OneRun& run : prepared->runs)
       if (run.surface_name) ::unlink(run.surface_name->file().c_str());
@@ -246,6 +264,11 @@ ConfinedRuns::~ConfinedRuns() {
   for (Prepared::OneRun& run : prepared_->runs)
     run.video.reset();  // the broker removes what ffmpeg has begun
   common::use_prepared_outputs({}, {});
+  try {
+    require_broker();
+  } catch (const std::runtime_error&) {
+    if (guardian_) guardian_->stay();
+  }
   broker_.reset();
 }
 

@@ -1,5 +1,6 @@
 // Confines the process before it reads an experiment: a broker, forked before, creates the files of its
-// outputs, names them, removes the surface's segment, and starts and ends the controller.
+// outputs, names them, removes the surface's segment, and starts and ends the controller. A guardian removes
+// the segment of a run that is killed, or whose broker is.
 #pragma once
 
 #include <memory>
@@ -10,6 +11,7 @@
 #include "common/confine/Confinement.h"
 #include "common/files/Inputs.h"
 #include "common/files/PreparedOutputs.h"
+#include "common/process/Guardian.h"
 #include "common/video/VideoEncoder.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/options/RunOptions.h"
@@ -24,8 +26,8 @@ class ConfinedRuns {
  public:
   // Prepares the outputs of the runs, and `others` that replace_file() writes, and confines the process to
   // them. Refers to this object in each of `runs`, which must all be of one experiment and end before it.
-  // Call it before the first thread, and before catch_stop_signals(). Returns null, and confines nothing,
-  // where the script may do anything: --unsafe, extensions, a window. Throws scene::InputError.
+  // Call it before the first thread, and before catch_stop_signals(). Confines nothing, and is not referred
+  // to, where the script may do anything: --unsafe, extensions, a window. Throws scene::InputError.
   static std::unique_ptr<ConfinedRuns> confine(std::span<RunOptions> runs,
                                                const std::vector<common::NamedOutput>& others = {});
   ~ConfinedRuns();
@@ -41,14 +43,15 @@ class ConfinedRuns {
 
  private:
   struct Prepared;
-  ConfinedRuns();
-  ConfinedRuns(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others);
+  explicit ConfinedRuns(std::span<const RunOptions> runs);
+  void confine_to(std::span<RunOptions> runs, const std::vector<common::NamedOutput>& others);
   bool needs_broker() const;
   void start_broker();
   std::size_t first_service_of(std::size_t run) const;
 
   std::unique_ptr<Prepared> prepared_;
-  std::unique_ptr<common::Broker> broker_;  // null if there is nothing to leave to it
+  std::unique_ptr<common::Guardian> guardian_;  // null if --shm names all segments
+  std::unique_ptr<common::Broker> broker_;      // null if there is nothing to leave to it
 };
 
 // The folder and files that an experiment may read.

@@ -293,6 +293,8 @@ bool Run::handle_controller_exit(Status status) {
     return true;
   }
   const auto exit_status = controller_process_->wait_for_exit(2000ms);
+  // A broker that is killed takes the controller along.
+  if (options_.confined) options_.confined->require_broker();
   if (stop_requested_) {  // a signal to the process group ends both
     set_ending(common::kDone, "stopped by the user");
   } else if (!exit_status) {
@@ -436,10 +438,9 @@ void Run::apply_script_requests() {
   set_ending(common::kDone, simulation::outcome_of(requests), requests.stop_message, requests.success);
 }
 
-// The loss of a controller, which the broker takes along, ends a run by itself.
 void Run::require_broker() {
   constexpr auto kInterval = 100ms;
-  if (!options_.confined || controller_process_ || Clock::now() < next_broker_check_) return;
+  if (!options_.confined || Clock::now() < next_broker_check_) return;
   next_broker_check_ = Clock::now() + kInterval;
   options_.confined->require_broker();
 }

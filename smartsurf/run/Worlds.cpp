@@ -1,7 +1,6 @@
 #include "smartsurf/run/Worlds.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -92,10 +91,6 @@ RunOptions world_options(const RunOptions& shared, int index, std::uint64_t firs
   options.world_index = index;
   options.summary = false;
   options.seed = first_seed + static_cast<std::uint64_t>(index);
-  const std::string base = !shared.shm.empty()         ? shared.shm
-                           : shared.controller.empty() ? "surface"
-                                                       : fmt::format("run-{}", getpid());
-  if (!shared.no_controller) options.shm = fmt::format("{}-{}", base, index);
   for (std::string& file : options.recording_files) file = numbered_file(file, index);
   options.stats_file.clear();
   return options;

@@ -28,7 +28,7 @@ struct SensorChannel {
   Type type = Type::kFloat32;
   // A class or a mask, not a quantity: has no noise, drift, calibration or quantization.
   bool is_exact = false;
-  // Of distances: the ray along which they are, from the centre of the cell's top, in the cell's frame.
+  // The ray along which a channel measures distances, from the centre of the cell's top, in the cell's frame.
   std::optional<std::array<double, 3>> origin = {}, direction = {};
 };
 

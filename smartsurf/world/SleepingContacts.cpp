@@ -38,7 +38,8 @@ void SleepingContacts::take_out(std::int32_t body, ContactList& pair_contacts, C
        k = next_[k][bodies_[k][0] == body ? 0 : 1]) {
     Manifold& m = list_.manifolds[k];
     if (m.a == kGap) continue;
-    (m.b >= 0 ? pair_contacts : static_contacts).append(list_, m);
+    auto& contacts = m.b >= 0 ? pair_contacts : static_contacts;
+    contacts.append(list_, m);
     m.a = kGap;
     contacts_in_gaps_ += m.count;
   }

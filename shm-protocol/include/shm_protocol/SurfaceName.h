@@ -26,8 +26,6 @@ class SurfaceName {
   void put_in_place();
   // Removes the file if it has the name, and has not been replaced.
   void remove() noexcept;
-  // Likewise once the surface, another process, has ended: waits for that for up to a second.
-  void remove_if_abandoned() noexcept;
 
   // From here on put_in_place() and remove() call these, which reach a forked process's copy of this object.
   void delegate(std::function<void()> put_in_place, std::function<void()> remove);

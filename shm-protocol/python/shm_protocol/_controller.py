@@ -1,12 +1,12 @@
 """The controller's role."""
 from . import _library as _c
-from ._endpoint import Endpoint, check, in_slices, text
+from ._endpoint import WritingEndpoint, check, in_slices, text
 from ._values import STATES, Error, Result, SurfaceDied
 
 _lib = _c.lib
 
 
-class Controller(Endpoint):
+class Controller(WritingEndpoint):
     """Reads sensors, publishes actuators.
 
     sensors, actuators: mappings from a channel's name to its array, which views the shared memory. A sensor array is
@@ -58,7 +58,7 @@ class Controller(Endpoint):
         self.actuators.freeze()
         return result == Result.OK
 
-    frame = property(Endpoint._frame, doc="The Frame taken last.")
+    frame = property(WritingEndpoint._frame, doc="The Frame taken last.")
     tick = property(lambda self: self.frame.tick)
     time = property(lambda self: self.frame.time, doc="Simulated seconds of the frame taken last.")
     surface_state = property(lambda self: self._state("surface"))

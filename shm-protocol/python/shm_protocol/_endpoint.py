@@ -37,7 +37,6 @@ def in_slices(timeout, call, pending=Result.TIMEOUT):
 class Endpoint:
     """The common base of the three roles."""
     _role = ""
-    _writes = ""  # the direction of the channels that this role publishes
 
     def _attach(self, name, timeout):
         pointer = ctypes.c_void_p()
@@ -77,6 +76,33 @@ class Endpoint:
             raise Error(Result.ARGUMENT, f"this {self._role} is closed")
         return getattr(_lib, f"ssp_{self._role}_{name}")(self._p, *arguments)
 
+    def _frame(self, *arguments):
+        raw = _c.FrameInfo()
+        check(self._call("frame", *arguments, ctypes.byref(raw)))
+        return Frame(raw.frame, raw.tick, raw.time_s, raw.answers, raw.status)
+
+    @property
+    def counters(self):
+        """{"surface": Counters, "controller": Counters}."""
+        both = _c.Counters(), _c.Counters()
+        check(self._call("counters", *(ctypes.byref(b) for b in both)))
+        return {who: Counters(b.skipped, b.repeated, b.clamped, b.deadline_misses)
+                for who, b in zip(("surface", "controller"), both)}
+
+    def _state(self, who):
+        return text(_lib.ssp_state_text(self._call(f"{who}_state")))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+class WritingEndpoint(Endpoint):
+    """The common base of the surface and the controller."""
+    _writes = ""  # the direction of the channels that this role publishes
+
     def write(self, name, values, first=0):
         """Copies values to the next frame's array from cell `first` on, counted through all components. The peer can
         read along if writes ascend. The values are final for this frame."""
@@ -106,25 +132,3 @@ class Endpoint:
             if channel.name == name and channel.direction == direction:
                 return channel
         raise KeyError(f"there is no {direction} channel {name!r}")
-
-    def _frame(self, *arguments):
-        raw = _c.FrameInfo()
-        check(self._call("frame", *arguments, ctypes.byref(raw)))
-        return Frame(raw.frame, raw.tick, raw.time_s, raw.answers, raw.status)
-
-    @property
-    def counters(self):
-        """{"surface": Counters, "controller": Counters}."""
-        both = _c.Counters(), _c.Counters()
-        check(self._call("counters", *(ctypes.byref(b) for b in both)))
-        return {who: Counters(b.skipped, b.repeated, b.clamped, b.deadline_misses)
-                for who, b in zip(("surface", "controller"), both)}
-
-    def _state(self, who):
-        return text(_lib.ssp_state_text(self._call(f"{who}_state")))
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()

@@ -6,7 +6,7 @@ import numpy as np
 
 from . import _library as _c
 from ._arrays import DTYPES
-from ._endpoint import Endpoint, check, in_slices
+from ._endpoint import WritingEndpoint, check, in_slices
 from ._values import DIRECTIONS, MODES, STATES, Error, Result, c_text
 
 _lib = _c.lib
@@ -18,7 +18,7 @@ def _require(holds, field, value, requirement):
         raise Error(Result.BAD_CONFIG, f"{field} = {value}: must be {requirement}")
 
 
-class Surface(Endpoint):
+class Surface(WritingEndpoint):
     """Owns the segment: publishes sensors, receives actuators. sensors are writable until publish(); actuators are
     read-only, checked copies within their channels' ranges."""
     _role = "surface"
@@ -89,7 +89,7 @@ class Surface(Endpoint):
             raise Error(result, "time-step: publish() first")
         return result == Result.OK
 
-    frame = property(Endpoint._frame, doc="The actuator Frame in effect; frame 0: none was taken yet.")
+    frame = property(WritingEndpoint._frame, doc="The actuator Frame in effect; frame 0: none was taken yet.")
     controller_pid = property(lambda self: self._call("controller_pid"))
     controller_state = property(lambda self: self._state("controller"))
 

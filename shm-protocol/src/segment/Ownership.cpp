@@ -119,4 +119,9 @@ std::vector<SegmentInfo> remove_orphans(const std::string& prefix) {
   return removed;
 }
 
+void remove_orphans_of(const std::string& name) {
+  remove_if_orphan(file_name(name));
+  for (const std::string& file : files_in_shm(file_name(name) + kBuildMarker)) remove_if_orphan(file);
+}
+
 }  // namespace shm_protocol

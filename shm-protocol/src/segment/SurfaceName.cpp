@@ -8,13 +8,10 @@
 
 #include <atomic>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <exception>
-#include <thread>
 #include <utility>
 
-#include "LivenessLock.h"
 #include "Ownership.h"
 #include "ProcessIdentity.h"
 #include "Segment.h"
@@ -24,19 +21,11 @@
 #include "shm_protocol/Error.h"
 
 namespace shm_protocol {
-namespace {
-
-// Removes segments left by killed builders of this name; the file name identifies the builder's process.
-void remove_stale_builds(const std::string& name) {
-  for (const std::string& file : files_in_shm(file_name(name) + kBuildMarker)) remove_if_orphan(file);
-}
-
-}  // namespace
 
 SurfaceName::SurfaceName(const std::string& name) : impl_(std::make_unique<Impl>()) {
   check_name(name);
   reclaim_or_throw(name);
-  remove_stale_builds(name);
+  remove_orphans_of(name);  // builders that were killed
   impl_->name = name;
   impl_->path = path_of(name);
   impl_->builder = ::getpid();
@@ -87,19 +76,6 @@ void SurfaceName::remove() noexcept {
   // cleaner holds it for microseconds, and removes nothing while this process lives.
   lock_within_bound(descriptor);
   if (is_still(descriptor, impl_->path)) ::unlink(impl_->path.c_str());
-  ::flock(descriptor, LOCK_UN);
-}
-
-void SurfaceName::remove_if_abandoned() noexcept {
-  const int descriptor = impl_->file.number();
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(1);
-  while (is_locked(descriptor, Side::kSurface)) {
-    if (std::chrono::steady_clock::now() >= deadline) return;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  if (!lock_within_bound(descriptor)) return;
-  if (is_still(descriptor, impl_->path) && !is_locked(descriptor, Side::kSurface))
-    ::unlink(impl_->path.c_str());
   ::flock(descriptor, LOCK_UN);
 }
 

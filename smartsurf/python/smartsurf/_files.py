@@ -31,8 +31,8 @@ def folder_of_episodes(folder: PathName, pattern: str) -> str:
 
 @contextlib.contextmanager
 def replaced(path: PathName) -> Iterator[pathlib.Path]:
-    """A new file beside `path` that takes its place at the end, when it is on the disk: no reader sees a part of it, and an error,
-    an OSError that names `path`, leaves the old file. Of a link, the target is replaced; a pipe or a device is written in place."""
+    """Yields a new file, which replaces `path` at the end, once it is on the disk: no reader sees a part of it. After an error the
+    old file stays, and an OSError names `path`. A link stays, and its target is replaced; a pipe or a device is written in place."""
     target = pathlib.Path(os.path.realpath(path))
     in_place = target.exists() and not target.is_file()
     # The process id keeps two that write the same file apart.

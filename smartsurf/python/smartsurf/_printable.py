@@ -38,7 +38,7 @@ class _Guarded:
 
     @contextlib.contextmanager
     def _unread(self) -> Iterator[None]:
-        """Of a pipe that its reader has closed, what is buffered and what follows is dropped."""
+        """Drops what is buffered and what follows once the reader has closed the pipe."""
         try:
             yield
         except BrokenPipeError:
@@ -52,8 +52,8 @@ class _Guarded:
 
 
 def guard_output() -> None:
-    """Of this process: what it writes to sys.stderr and, if that is a terminal, to sys.stdout is escaped. It does its work also if
-    nobody reads what it writes."""
+    """Escapes what this process writes to sys.stderr and, if that is a terminal, to sys.stdout. A process whose output nobody reads
+    goes on with its work."""
     if sys.stderr is not None:  # it is None where its descriptor is closed
         sys.stderr = cast(TextIO, _Guarded(sys.stderr, True))
     if sys.stdout is not None:

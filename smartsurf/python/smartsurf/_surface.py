@@ -112,9 +112,9 @@ class Surface:
 
     @property
     def actuators(self) -> dict[str, FloatArray]:
-        """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends. Of a
-        Simulation it leaves the targets in effect in them: clamped, and what the script has commanded, which stands until
-        the cell is written."""
+        """The actuator targets by channel name, in the channel's unit: writable views that the next step() sends. A
+        Simulation's step() leaves the targets in effect in them: clamped values, and the script's commands, which hold
+        until the cell is written."""
         return self._actuators
 
     def _take(self, actions: Actions) -> None:

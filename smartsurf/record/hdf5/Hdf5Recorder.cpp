@@ -234,8 +234,10 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
     motion.emplace(file, paths::kMotion, kValuesPerActuatorState * surface.cell_count());
   if (surface.skin) skin.emplace(file, paths::kSkinHeight, first.skin_height.size());
   std::vector<LiveChannel> live_sensors, live_actuators;
-  for (const LiveChannel& channel : live_channels)
-    (channel.sensor ? live_sensors : live_actuators).push_back(channel);
+  for (const LiveChannel& channel : live_channels) {
+    auto& list = channel.sensor ? live_sensors : live_actuators;
+    list.push_back(channel);
+  }
   if (with_sensors && !live_channels.empty())
     create_channels(paths::kSensors, sensors, live_sensors, sensor_series);
   else if (with_sensors)

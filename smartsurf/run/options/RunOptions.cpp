@@ -1,5 +1,8 @@
 #include "smartsurf/run/options/RunOptions.h"
 
+#include <fmt/format.h>
+#include <unistd.h>
+
 #include <filesystem>
 
 namespace smartsurf::run {
@@ -18,9 +21,11 @@ std::vector<common::NamedOutput> named_outputs(const RunOptions& options) {
 }
 
 std::string segment_name(const RunOptions& options) {
-  if (!options.shm.empty()) return options.shm;
   // A name for the user to type is needed only if the controller is attached by hand.
-  return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
+  const std::string base = !options.shm.empty()         ? options.shm
+                           : options.controller.empty() ? "surface"
+                                                        : fmt::format("run-{}", getpid());
+  return options.world_index ? fmt::format("{}-{}", base, *options.world_index) : base;
 }
 
 std::filesystem::path script_output_folder(const RunOptions& options) {

@@ -36,8 +36,8 @@ struct RunOptions {
   std::optional<double> pace;
   std::optional<std::uint64_t> ticks;  // nullopt: no limit
   std::optional<double> until_s;
-  std::string shm;                                // segment name; "": chosen by the run
-  std::string controller;                         // "": wait for one to attach
+  std::string shm;         // segment name, to which worlds append their index; "": chosen by the run
+  std::string controller;  // "": wait for one to attach
   std::vector<std::string> controller_overrides;  // NAME=VALUE, validated by apron
   std::shared_ptr<ShownRegisters> registers;      // of the APRON program; null: it shows none
   bool no_controller = false;

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "smartsurf/record/LegacyPurity.h"
-
 namespace smartsurf::run {
 
 void DurationHistogram::add(std::chrono::nanoseconds duration) noexcept {
@@ -78,10 +76,9 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"actuator_values_nan", run.actuator_values_nan},
                     {"metrics", metrics}};
   for (const auto& [name, value] : run.varied) json["varied"][name] = value;
-  // Earlier versions wrote these names for every experiment.
-  if (const auto purity = metrics.find(std::string(record::kPurity)); purity != metrics.end()) {
-    json[std::string(record::kPurity)] = *purity;
-    json[std::string(record::kSortedAt)] = json["success_s"];
+  if (const auto purity = metrics.find("purity"); purity != metrics.end()) {  // docs/recordings.md
+    json["purity"] = *purity;
+    json["sorted_at_s"] = json["success_s"];
   }
   return json.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }

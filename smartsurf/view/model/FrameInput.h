@@ -20,8 +20,8 @@ struct Channel {
   std::span<const float> values;  // rows × columns, row-major, row 0 north; empty: not available
   // The channel's range. If it is unknown (low ≥ high), the range of the values is used.
   float low = 0.0F, high = 0.0F;
-  // Of distances: the ray along which they are, as of scene::SensorChannel; unknown: up from the top's
-  // centre.
+  // The ray along which the channel measures distances, as in scene::SensorChannel; unknown: upwards from the
+  // centre of the top.
   std::optional<std::array<double, 3>> origin = {}, direction = {};
   scene::ChannelKind kind = scene::ChannelKind::kSensor;
 };

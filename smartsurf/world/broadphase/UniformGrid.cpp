@@ -75,7 +75,8 @@ void UniformGrid::sort_dense(const Input& in, const Member& member) {
     const Vec3& p = in.position[i];
     const int line = cell_of(p.y(), 1);
     const CellBody b{index(cell_of(p.x(), 0), line, cell_of(p.z(), 2)), line, i};
-    (is_in_lines(b) ? state.in_lines : state.elsewhere).push_back(b);
+    auto& bodies = is_in_lines(b) ? state.in_lines : state.elsewhere;
+    bodies.push_back(b);
   }
   member.arrive_and_wait();
   for (const MemberState& other : member_state_)
@@ -141,7 +142,8 @@ void UniformGrid::compute_bounds(const Input& in, std::span<const std::int32_t> 
     const bool large = in.radius[i] > in.large_radius || !in.position[i].allFinite();
     // Rarely written, so that the members' caches share it.
     if (is_large_[i] != large) is_large_[i] = large;
-    (large ? state.large : state.small).push_back(i);
+    auto& bodies = large ? state.large : state.small;
+    bodies.push_back(i);
     if (large) continue;
     state.low = state.low.cwiseMin(in.position[i]);
     state.high = state.high.cwiseMax(in.position[i]);

@@ -398,7 +398,8 @@ class PartOnField {
     float low = 0.0F, high = 1.0F;
     for (int i = 0; i < kEdgeBisections; ++i) {
       const float middle = 0.5F * (low + high);
-      (distance_at(middle).normal.dot(along) > 0.0F ? high : low) = middle;
+      float& end = distance_at(middle).normal.dot(along) > 0.0F ? high : low;
+      end = middle;
     }
     const float deepest = 0.5F * (low + high);
     const SignedDistance distance = distance_at(deepest);
@@ -469,7 +470,8 @@ class PartOnField {
   static SupportFeature top_edge(const Column& q, const Vec3& n) {
     const int across = std::abs(n.x()) > std::abs(n.y()) ? 0 : 1;
     SupportFeature f;
-    f.add({q.west, q.south, q.top}), f.add({q.east, q.north, q.top});
+    f.add({q.west, q.south, q.top});
+    f.add({q.east, q.north, q.top});
     const float side = across == 0 ? (n.x() > 0 ? q.east : q.west) : (n.y() > 0 ? q.north : q.south);
     for (Vec3& end : std::span(f.point).first(2)) end[across] = side;
     return f;
@@ -481,8 +483,10 @@ class PartOnField {
     SupportFeature f;
     if (n.z() >= 0.7F) {
       f.normal = {0, 0, 1};
-      f.add({q.west, q.south, q.top}), f.add({q.east, q.south, q.top});
-      f.add({q.east, q.north, q.top}), f.add({q.west, q.north, q.top});
+      f.add({q.west, q.south, q.top});
+      f.add({q.east, q.south, q.top});
+      f.add({q.east, q.north, q.top});
+      f.add({q.west, q.north, q.top});
       return f;
     }
     const float down = low_.z() - 1.0F;
@@ -492,8 +496,10 @@ class PartOnField {
     auto point = [&](float u, float z) { return along_x ? Vec3(side, u, z) : Vec3(u, side, z); };
     const bool forward = along_x ? n.x() > 0 : n.y() > 0;
     f.normal = along_x ? Vec3(forward ? 1 : -1, 0, 0) : Vec3(0, forward ? 1 : -1, 0);
-    f.add(point(forward ? a : b, down)), f.add(point(forward ? b : a, down));
-    f.add(point(forward ? b : a, q.top)), f.add(point(forward ? a : b, q.top));
+    f.add(point(forward ? a : b, down));
+    f.add(point(forward ? b : a, down));
+    f.add(point(forward ? b : a, q.top));
+    f.add(point(forward ? a : b, q.top));
     return f;
   }
 

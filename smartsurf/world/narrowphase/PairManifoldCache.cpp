@@ -171,8 +171,11 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
   SimplexCache simplex_cache;
   if (cached && cached->simplex_cache) simplex_cache = *cached->simplex_cache;
   const bool is_kept = cached && is_valid(bodies, pose, *cached, margin);
-  CachedManifold& manifold =
-      is_kept ? chunk_cache.manifolds.emplace_back(*cached) : chunk_cache.manifolds.emplace_back();
+  if (is_kept)
+    chunk_cache.manifolds.push_back(*cached);
+  else
+    chunk_cache.manifolds.emplace_back();
+  CachedManifold& manifold = chunk_cache.manifolds.back();
   const auto first_point = static_cast<std::int32_t>(chunk_cache.points.size());
   if (is_kept) {
     chunk_cache.points.insert(chunk_cache.points.end(), cached->points, cached->points + cached->point_count);

@@ -126,7 +126,8 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     MemberData& own = members_[member.index];
-    (is_heavy ? own.heavy_rows : own.sinking_rows).push_back(bearer);
+    auto& rows = is_heavy ? own.heavy_rows : own.sinking_rows;
+    rows.push_back(bearer);
   }
 }
 

@@ -35,8 +35,10 @@ void SharedBatches::split_batches(const ConstraintGraph& graph, const Member& me
   batches.own.clear();
   for (std::size_t i = 0; i <= graph.colours().size(); ++i) {
     for (const BatchRange& run : graph.own_batches(member, i))
-      for (int o = run.first; o < run.first + run.count; ++o)
-        (touches_shared_row(graph.batch(o)) ? batches.shared : batches.own).append({run.kind, o, 1});
+      for (int o = run.first; o < run.first + run.count; ++o) {
+        auto& list = touches_shared_row(graph.batch(o)) ? batches.shared : batches.own;
+        list.append({run.kind, o, 1});
+      }
     batches.shared.end_colour();
     batches.own.end_colour();
   }

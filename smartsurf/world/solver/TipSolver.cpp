@@ -12,10 +12,11 @@
 namespace smartsurf::world {
 namespace {
 
-// Upper bound of a deflection, in that by the normal forces; friction adds less.
+// Upper bound of the deflecting load, in multiples of that of its normal part: friction adds less than as
+// much again.
 constexpr float kMaxDeflection = 2.0F;
 
-// The greatest s in [0, 1] with |others − s·own| ≤ limit, or that for the least.
+// The greatest s in [0, 1] with |others − s·own| ≤ limit; if there is none, the s for which that is least.
 float greatest_share(const Vec3& others, const Vec3& own, float limit) {
   const float a = own.squaredNorm(), b = others.dot(own), c = others.squaredNorm() - limit * limit;
   if (a == 0.0F) return 1.0F;

@@ -189,7 +189,8 @@ class Confinement(ProgramTest):
         subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
         names = sorted(path.name for path in self.home.iterdir())
         commands = [("run", "s.lua", "--no-controller", "--ticks", "2", "--record", "n.h5", "--record", "n.csv", "--stats", "n.json"),
-                    ("run", "s.lua", "--no-controller", "--ticks", "2", "--worlds", "2", "--stats", "n.json")]
+                    ("run", "s.lua", "--no-controller", "--ticks", "2", "--worlds", "2", "--stats", "n.json"),
+                    ("run", "s.lua", "--controller", "p.aps", "--ticks", "2")]
         if WITH_VIEW:
             commands.append(("replay", "r.h5", "--screenshot", "n.png@0"))
         for command in [(SMARTSURF, *c) for c in commands] + [(APRON, "run", "p.aps", "--ticks", "1", "--save", "A=a.npy")]:
@@ -198,6 +199,7 @@ class Confinement(ProgramTest):
                     status, _, err = self.run_here(*command, LD_PRELOAD=str(library), KILLED=when)
                     self.assertEqual(status, -9, err)
                     self.wait_for(lambda: sorted(path.name for path in self.home.iterdir()) == names, "the broker")
+                    self.wait_for_no_segment(self.children[-1])
 
     def test_killed_run_leaves_no_part_and_no_controller(self):
         controller = f"sleep {10**6 + os.getpid()}"
@@ -213,16 +215,54 @@ class Confinement(ProgramTest):
         self.wait_for(lambda: subprocess.run(["pgrep", "-f", controller], stdout=subprocess.DEVNULL).returncode == 1, "the controller's end")
         self.assertTrue(self.segment().exists())  # named by the user: the next run, or `clean`, removes it
 
+    def start_unnamed(self, *flags):
+        """A run with a controller, the leader of its process group, whose segment has the name that the run chooses."""
+        (self.home / "p.aps").write_text("#again\nsurface.step()\njump(#again)\n")
+        child = subprocess.Popen([SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--until", "100000", *flags], cwd=self.home,
+                                 stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, process_group=0)
+        self.children.append(child)
+        return child
+
+    def segments(self, child):
+        return [path.name for path in pathlib.Path("/dev/shm").glob(f"smartsurf.run-{child.pid}*")]
+
+    def wait_for_no_segment(self, child):
+        self.wait_for(lambda: not self.segments(child), lambda: f"the removal of {self.segments(child)}")
+
     def test_killed_run_leaves_no_segment_that_nobody_named(self):
-        (self.home / "p.aps").write_text("!register(A)\nsim.frame\n{\nsim.frame\n}\n")
         for i in range(12):
-            child = subprocess.Popen([SMARTSURF, "run", "s.lua", "--controller", "p.aps", "--until", "100000"], cwd=self.home,
-                                     stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-            self.children.append(child)
+            child = self.start_unnamed()
             time.sleep(0.05 + 0.08 * i)
             child.kill()
             child.wait()
-            self.wait_for(lambda: not list(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{child.pid}*")), "the broker")
+            self.wait_for_no_segment(child)
+        # All processes of the group at once; one that is not confined, without a broker; and several worlds.
+        for flags, end in (((), os.killpg), (("--unsafe",), os.kill), (("--worlds", "2"), os.kill)):
+            with self.subTest(flags=flags, end=end):
+                child = self.start_unnamed(*flags)
+                self.wait_for(lambda: len(self.segments(child)) == (2 if "--worlds" in flags else 1) and "~" not in str(self.segments(child)),
+                              "the segments")
+                end(child.pid, signal.SIGKILL)
+                child.wait()
+                self.wait_for_no_segment(child)
+
+    def test_run_whose_broker_or_guardian_is_killed_leaves_no_segment(self):
+        """Its children are the guardian and the broker, which has started the controller."""
+        for killed in ("guardian", "broker"):
+            for wait_s in (0, 0.02, 0.05, 0.5):
+                with self.subTest(killed=killed, wait_s=wait_s):
+                    child = self.start_unnamed("--record", "k.h5")
+                    self.wait_for(lambda: len(children(child.pid)) == 2, "the processes")
+                    time.sleep(wait_s)
+                    guardian, broker = children(child.pid)
+                    os.kill(guardian if killed == "guardian" else broker, signal.SIGKILL)
+                    if killed == "guardian":  # without which an orderly end leaves nothing
+                        time.sleep(0.2)
+                        child.terminate()
+                    status, _, err = self.finish(child)
+                    if killed == "broker":
+                        self.assertEqual((status, err), (1, "smartsurf: the process that names the outputs has ended\n"))
+                    self.wait_for_no_segment(child)
 
     def test_script_writes_in_its_folder_alone(self):
         (self.home / "w.lua").write_text(TABLE + "io.open('x.csv', 'w'):write('1\\n'):close()\n")

@@ -167,6 +167,8 @@ class Packaging(ProgramTest):
         status, out, err = self.installed("smartsurf-doctor")
         self.assertEqual(status, 0, out + err)
         self.assertIn(str(self.prefix / "bin/smartsurf"), out)
+        self.assertRegex(out, r"ok    python +numpy \S+ with \S*/lib/python3/dist-packages/shm_protocol\n")
+        self.assertNotIn("scripts/", out)
         lonely = self.folder / "bin"
         lonely.mkdir()
         shutil.copy(self.prefix / "bin/smartsurf-doctor", lonely / "doctor")

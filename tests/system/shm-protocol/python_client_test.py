@@ -128,6 +128,7 @@ class Roles(unittest.TestCase):
             with Observer(name) as observer:
                 mine = [writable for low, _, writable in mapped_ranges(name) if low not in before]
                 self.assertEqual(mine, [False])
+                self.assertEqual([name for name in ("write", "next_cells") if hasattr(observer, name)], [])
                 self.assertFalse(observer.latest())
                 surface.sensors["distance"][:] = 3
                 surface.publish(7, 0.07)
