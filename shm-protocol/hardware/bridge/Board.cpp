@@ -48,6 +48,7 @@ void Board::open_line(std::int64_t reopen_us) {
       why_ = why;
       return;
     }
+    spec_.port.local_port = port->local_port();
     line_.open(std::move(*port));
     if (ever_connected_) ++counters_.reconnections;
     ever_connected_ = true;

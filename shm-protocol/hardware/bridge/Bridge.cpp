@@ -109,6 +109,7 @@ bool Bridge::open_line(std::string& why) {
     if (opening_.wait_for(kAttempt) != std::future_status::ready) return false;
     auto [port, reason] = opening_.get();
     if (port) {
+      options_.port.local_port = port->local_port();
       line_.open(std::move(*port));
       return true;
     }
