@@ -207,8 +207,17 @@ TEST(Bridge, LateAnswerMakesNoLaterOnesLate) {
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
   Checker checker(name);
   while (checker.echoed < 20) checker.tick();
-  std::this_thread::sleep_for(15ms);  // more than a period
-  int in_time = 0;
+  int at_once = 0, in_time = 0;
+  for (int late = 0; late < 100 && at_once < 5; ++late) {
+    ASSERT_EQ(checker.controller.await_sensors({.timeout = 100s}), Status::kOk);
+    checker.look();
+    std::this_thread::sleep_for(15ms);  // more than a period
+    checker.answer();
+    const auto before = checker.last_tick;
+    checker.tick();
+    at_once += checker.last_tick == before + 1;
+  }
+  EXPECT_EQ(at_once, 5) << "frames that came meanwhile, before the next one";
   for (int frame = 0; frame < 1000 && in_time < 10; ++frame) {
     checker.tick();
     in_time = checker.controller.sensor_info().status & kMissed ? 0 : in_time + 1;
