@@ -48,6 +48,7 @@ void Board::open_line(std::int64_t reopen_us) {
       why_ = why;
       return;
     }
+    spec_.port.local_port = port->local_port();
     line_.open(std::move(*port));
     if (ever_connected_) ++counters_.reconnections;
     ever_connected_ = true;
@@ -81,6 +82,7 @@ void Board::on_line_lost() {
 
 void Board::enter_silence() {
   silent_ = true;
+  published_.reset();
   waiting_count_ = 0;
   sync_.reset();
 }
@@ -240,6 +242,10 @@ const Board::Frame* Board::take(std::int64_t tick, std::int64_t epoch) {
   return &taken_;
 }
 
+void Board::mark_published(std::int64_t tick) {
+  if (!silent_) published_ = Published{taken_.tick, tick};
+}
+
 std::optional<std::int64_t> Board::table_tick_of(std::uint32_t answered) const {
   const Answer& answer = answers_[answered % answers_.size()];
   if (answered == SSW_NONE || answer.tick != answered) return std::nullopt;
@@ -261,10 +267,13 @@ std::optional<std::int64_t> Board::in_force_since(std::uint32_t board_tick) cons
 // ---- to the board
 
 bool Board::send(std::span<const float> values, std::int64_t tick) {
-  if (!accepted_ || silent_ || !line_.link().described()) return false;
-  if (!line_.write_frame(taken_.tick, values, true)) return false;
-  Answer& answer = answers_[taken_.tick % answers_.size()];
-  answer = {taken_.tick, tick, answer.tick == taken_.tick};
+  if (!accepted_ || silent_ || !published_ || !line_.link().described()) return false;
+  // Both count periods of the same length.
+  const std::uint32_t answered = published_->tick - (static_cast<std::uint32_t>(published_->table_tick) -
+                                                     static_cast<std::uint32_t>(tick));
+  if (!line_.write_frame(answered, values, true)) return false;
+  Answer& answer = answers_[answered % answers_.size()];
+  answer = {answered, tick, answer.tick == answered};
   line_.flush();
   return true;
 }

@@ -74,6 +74,8 @@ class Board {
   // waits.
   const Frame* take(std::int64_t tick, std::int64_t epoch);
   bool has_frame(std::int64_t tick, std::int64_t epoch) const;
+  // The table has published the last frame taken as that of its tick `tick`.
+  void mark_published(std::int64_t tick);
   // The board's tick in the last frame taken.
   std::uint32_t frame_tick() const { return taken_.tick; }
   // The table's tick whose answer is in force since the last frame taken; nothing: safe values are, it is
@@ -86,8 +88,8 @@ class Board {
   // Flags of the newest frame.
   std::uint32_t flags() const { return flags_; }
 
-  // Sends an actuator frame that answers the last frame taken, which is of the table's tick `tick`. Returns
-  // false if the board gets none.
+  // Sends an actuator frame that answers the table's tick `tick`, the last one published or an earlier one.
+  // Returns false if the board gets none, as until a tick is published after a silence.
   bool send(std::span<const float> values, std::int64_t tick);
   void send_safe();
   void discard_pending() { line_.discard_pending(); }
@@ -138,6 +140,11 @@ class Board {
   std::array<Frame, 2> waiting_;  // oldest first
   std::size_t waiting_count_ = 0;
   Frame taken_;
+  struct Published {
+    std::uint32_t tick;  // of the board
+    std::int64_t table_tick;
+  };
+  std::optional<Published> published_;
   struct Answer {
     std::uint32_t tick = SSW_NONE;  // of the board
     std::int64_t table_tick = 0;

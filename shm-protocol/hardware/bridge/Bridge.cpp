@@ -109,6 +109,7 @@ bool Bridge::open_line(std::string& why) {
     if (opening_.wait_for(kAttempt) != std::future_status::ready) return false;
     auto [port, reason] = opening_.get();
     if (port) {
+      options_.port.local_port = port->local_port();
       line_.open(std::move(*port));
       return true;
     }
@@ -242,9 +243,9 @@ bool Bridge::poll_line(milliseconds timeout) {
   bool connected = flush();
   pollfd line{line_.descriptor(), static_cast<short>(POLLIN | (line_.pending_bytes() == 0 ? 0 : POLLOUT)), 0};
   if (connected && ::poll(&line, 1, static_cast<int>(timeout.count())) > 0) {
-    // All that is there (a terminal gives it in pieces), lest large frames pile up while the controller
-    // computes; but stops at each frame that can be published.
-    connected = line_.receive([this] { return awaiting_answer_ || !frame_ready_; },
+    // All that is there (a terminal gives it in pieces): the controller gets the newest frame, and large ones
+    // do not pile up while it computes. In passive mode it gets each.
+    connected = line_.receive([this] { return options_.mode == Mode::kTimeStep || !frame_ready_; },
                               [this](DeviceLink::Event event) { on_event(event); });
     connected = connected && flush();
   }
@@ -316,7 +317,7 @@ std::optional<Outcome> Bridge::serve_once() {
     last_frame_ = Clock::now();
   }
   const bool passive = options_.mode == Mode::kPassive;
-  poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
+  poll_line(awaiting_answer_ || frame_ready_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (const auto end = end_of_fault()) return end;
   log_.print_due();
   serve_control();
@@ -357,12 +358,12 @@ void Bridge::on_frame() {
   if (!is_first) tick_ += step->ticks;
   if (silent_) log_.add("the device speaks again");
   silent_ = false;
-  if (frame_ready_ || awaiting_answer_) {
+  if (frame_ready_) {
     ++counters_.skipped;
     status_ |= kFramesLost;
-    // The host is alive and only the controller is slow: keep the device from applying its safe values.
-    line_.write(SSW_HEARTBEAT, sequence_.tick());
   }
+  // The host is alive and only the controller is slow: keep the device from applying its safe values.
+  if (frame_ready_ || awaiting_answer_) line_.write(SSW_HEARTBEAT, sequence_.tick());
   frame_ready_ = true;
   if (needs_safe_frames()) own_frame_due_ = true;
 }

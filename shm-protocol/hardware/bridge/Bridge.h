@@ -61,7 +61,7 @@ struct BridgeCounters {
   std::uint64_t frames = 0;   // sensor frames published
   std::uint64_t answers = 0;  // actuator frames of a controller sent to the device
   std::uint64_t lost = 0;     // sensor frames that did not arrive completely
-  std::uint64_t skipped = 0;  // complete sensor frames dropped while the controller processed an older one
+  std::uint64_t skipped = 0;  // complete sensor frames that a newer one replaced before they were published
   std::uint64_t missed_deadlines = 0;
   std::uint64_t unsent = 0;         // actuator frames dropped because the line is too slow
   std::uint64_t silences = 0;       // times the device fell silent

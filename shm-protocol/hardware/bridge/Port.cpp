@@ -37,13 +37,14 @@ std::optional<speed_t> speed_of(unsigned baud) {
   return std::nullopt;
 }
 
-// Raw mode at the given speed; modem control lines are ignored.
+// Raw mode, 8N1, at the given speed, without flow control; modem control lines are ignored.
 bool make_raw(int terminal, speed_t speed) {
   termios settings{};
   if (::tcgetattr(terminal, &settings) != 0) return false;
   ::cfmakeraw(&settings);
   settings.c_cflag |= CLOCAL | CREAD;
-  settings.c_cflag &= ~static_cast<tcflag_t>(CRTSCTS | HUPCL);
+  settings.c_iflag &= ~static_cast<tcflag_t>(IXOFF | IXANY);  // cfmakeraw leaves these
+  settings.c_cflag &= ~static_cast<tcflag_t>(CSTOPB | CRTSCTS | HUPCL);
   settings.c_cc[VMIN] = 0;
   settings.c_cc[VTIME] = 0;
   if (::cfsetispeed(&settings, speed) != 0 || ::cfsetospeed(&settings, speed) != 0) return false;
@@ -68,6 +69,10 @@ int open_terminal(const PortAddress& name, std::string& why) {
   return terminal;
 }
 
+// A network that acknowledges nothing for so long has cut the line. TCP itself would wait longer and longer
+// between two attempts.
+constexpr int kUnacknowledged_ms = 2000;
+
 bool connects(int socket, const addrinfo& to) {
   if (::connect(socket, to.ai_addr, to.ai_addrlen) == 0) return true;
   if (errno != EINPROGRESS) return false;
@@ -83,6 +88,28 @@ bool connects(int socket, const addrinfo& to) {
   return failure == 0;
 }
 
+// Connects from this port if it is free, else from any. Returns the socket, or -1 and errno.
+int connect_from(std::uint16_t local_port, const addrinfo& to) {
+  const int s = ::socket(to.ai_family, to.ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, to.ai_protocol);
+  if (s < 0) return -1;
+  const int yes = 1;
+  ::setsockopt(s, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+  ::setsockopt(s, IPPROTO_TCP, TCP_USER_TIMEOUT, &kUnacknowledged_ms, sizeof kUnacknowledged_ms);
+  if (local_port != 0) {
+    sockaddr_in6 from{};  // that of IPv4 begins with the same fields
+    from.sin6_family = static_cast<sa_family_t>(to.ai_family);
+    from.sin6_port = htons(local_port);
+    ::setsockopt(s, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    (void)::bind(s, reinterpret_cast<const sockaddr*>(&from), to.ai_addrlen);
+  }
+  if (connects(s, to)) return s;
+  const int failure = errno;
+  ::close(s);
+  if (failure == EADDRNOTAVAIL && local_port != 0) return connect_from(0, to);
+  errno = failure;
+  return -1;
+}
+
 int open_tcp(const PortAddress& name, std::string& why) {
   addrinfo hints{}, *found = nullptr;
   hints.ai_socktype = SOCK_STREAM;
@@ -93,17 +120,10 @@ int open_tcp(const PortAddress& name, std::string& why) {
   }
   int connected = -1;
   for (const addrinfo* to = found; to && connected < 0; to = to->ai_next) {
-    const int s = ::socket(to->ai_family, to->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, to->ai_protocol);
-    if (s >= 0 && connects(s, *to)) {
-      connected = s;
-      break;
-    }
-    why = "cannot connect to " + name.text + ": " + std::strerror(errno);
-    if (s >= 0) ::close(s);
+    connected = connect_from(name.local_port, *to);
+    if (connected < 0) why = "cannot connect to " + name.text + ": " + std::strerror(errno);
   }
   ::freeaddrinfo(found);
-  const int yes = 1;
-  if (connected >= 0) ::setsockopt(connected, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
   return connected;
 }
 
@@ -157,6 +177,13 @@ Port& Port::operator=(Port&& other) noexcept {
   std::swap(descriptor_, other.descriptor_);
   std::swap(tcp_, other.tcp_);
   return *this;
+}
+
+std::uint16_t Port::local_port() const {
+  sockaddr_in6 here{};
+  socklen_t size = sizeof here;
+  if (!tcp_ || ::getsockname(descriptor_, reinterpret_cast<sockaddr*>(&here), &size) != 0) return 0;
+  return ntohs(here.sin6_port);
 }
 
 std::optional<std::size_t> Port::read(std::span<std::uint8_t> to) {

@@ -14,6 +14,9 @@ namespace hardware {
 struct PortAddress {
   std::string text;
   std::string host, service;  // tcp; empty for a terminal
+  // Of this computer, tcp; 0: any. A device that still holds a connection, which its network has cut, gives
+  // it up when the next one comes from the same port.
+  std::uint16_t local_port = 0;
   unsigned baud = 115200;
 
   bool tcp() const { return !service.empty(); }
@@ -33,7 +36,9 @@ class Port {
   Port& operator=(Port&&) noexcept;
 
   int descriptor() const { return descriptor_; }
-  // Returns the number of bytes transferred, 0 if the call would block, nothing if the device is gone.
+  std::uint16_t local_port() const;  // 0: a terminal
+  // Returns the number of bytes transferred, 0 if the call would block, nothing if the device is gone: also
+  // if the network has acknowledged nothing for two seconds.
   std::optional<std::size_t> read(std::span<std::uint8_t>);
   std::optional<std::size_t> write(std::span<const std::uint8_t>);
   // Writes and removes as many of the pending bytes as it can without blocking; false if the device is gone.

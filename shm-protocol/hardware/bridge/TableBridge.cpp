@@ -380,6 +380,7 @@ void TableBridge::close_tick() {
   ++counters_.frames;
   status_ = 0;
   published_tick_ = tick;
+  for (const auto& board : boards_) board->mark_published(static_cast<std::int64_t>(tick));
   if (driver_) return ask_driver();
   awaiting_answer_ = options_.mode == Mode::kTimeStep;
   if (!awaiting_answer_) keep_boards_alive();
@@ -468,7 +469,7 @@ void TableBridge::poll_answer() {
       break;
   }
   awaiting_answer_ = false;
-  counters_.answers += send_answers() && got == Status::kOk;
+  counters_.answers += send_answers(published_tick_) && got == Status::kOk;
 }
 
 void TableBridge::poll_latest() {
@@ -479,7 +480,8 @@ void TableBridge::poll_latest() {
   else if (newest != Status::kOk)
     return;
   if (newest == Status::kOk) answer_us_.add(static_cast<double>(Board::now() - published_at_));
-  counters_.answers += send_answers() && newest == Status::kOk;
+  const std::uint64_t answered = newest == Status::kOk ? surface_->actuator_info().tick : published_tick_;
+  counters_.answers += send_answers(answered) && newest == Status::kOk;
 }
 
 // The controller's frame, as commands for the boards.
@@ -516,12 +518,12 @@ void TableBridge::ask_driver() {
     if (board_age_[i] != 0)
       boards_[i]->send_heartbeat();
     else
-      send_commands(*boards_[i], map_.boards()[i]);
+      send_commands(*boards_[i], map_.boards()[i], published_tick_);
   }
 }
 
 // Returns whether a board got the controller's commands.
-bool TableBridge::send_answers() {
+bool TableBridge::send_answers(std::uint64_t answered) {
   const bool own_safe_values = surface_->actuator_info().frame == 0;
   bool sent = false;
   if (!own_safe_values) receive_commands();
@@ -533,13 +535,13 @@ bool TableBridge::send_answers() {
       continue;
     }
     if (calibration_) correct_commands(board, map_.boards()[i]);
-    if (send_commands(board, map_.boards()[i])) sent = true;
+    if (send_commands(board, map_.boards()[i], answered)) sent = true;
   }
   return sent;
 }
 
 // Elements without a channel of the table get their safe values.
-bool TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
+bool TableBridge::send_commands(Board& board, const MountedBoard& mounted, std::uint64_t answered) {
   frame_.assign(board.actuator_elements(), 0.0F);
   for (const DeviceChannel& c : board.description().channels)
     if (!c.sensor) std::fill_n(frame_.begin() + c.first_element, c.elements, c.safe);
@@ -549,7 +551,7 @@ bool TableBridge::send_commands(Board& board, const MountedBoard& mounted) {
       copy_to_board(mounted, c, device.components, planes_[c.table_channel].data(), valid_.size(),
                     frame_.data() + device.first_element);
   }
-  return board.send(frame_, static_cast<std::int64_t>(published_tick_));
+  return board.send(frame_, static_cast<std::int64_t>(answered));
 }
 
 // Boards on which safe values are to be in force, but are not reported to be, get them in each tick: any

@@ -88,8 +88,8 @@ class TableBridge {
   void receive_commands();
   void correct_commands(const Board&, const MountedBoard&);
   void ask_driver();
-  bool send_answers();
-  bool send_commands(Board&, const MountedBoard&);
+  bool send_answers(std::uint64_t answered);
+  bool send_commands(Board&, const MountedBoard&, std::uint64_t answered);
   void keep_boards_alive();
   void check_emergency_stop();
   void measure_spread();

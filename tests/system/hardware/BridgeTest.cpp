@@ -2,22 +2,20 @@
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/ObserverEndpoint.h>
-#include <sys/socket.h>
+#include <sys/wait.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <set>
-#include <span>
 #include <thread>
 #include <utility>
 
 #include "shm-protocol/hardware/bridge/TableFile.h"
 #include "shm-protocol/hardware/fake/toy.h"
-#include "shm-protocol/hardware/firmware/wire.h"
-#include "tests/system/hardware/Listener.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
+#include "tests/system/hardware/SteppedDevice.h"
 
 namespace hardware {
 namespace {
@@ -153,6 +151,82 @@ TEST_P(BadLine, DeliveredFramesAreCorrectAndMissesCounted) {
 }
 INSTANTIATE_TEST_SUITE_P(Modes, BadLine, testing::Values("time-step", "passive"));
 
+// Of the frames that come while the controller computes, it gets the newest; the others count as skipped.
+TEST(Bridge, LateAnswerIsFollowedByTheNewestFrame) {
+  const std::string name = surface_name("bridge-newest");
+  SteppedDevice device({{"tick", ""}}, {"height"});
+  Program bridge({SURFACE_BRIDGE, device.port(), "--shm", name, "--silence", "1000"});
+  device.connect();
+  auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  device.await(SSW_START, 0);
+  const auto expect_frame = [&](std::uint32_t tick, bool skipped) {
+    ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+    EXPECT_EQ(controller.sensor<std::uint8_t>(0)[0], tick);
+    EXPECT_EQ(controller.sensor_info().tick, tick - 1);
+    EXPECT_EQ((controller.sensor_info().status & kLost) != 0, skipped) << tick;
+  };
+  // The bridge reads the frame while the controller computes.
+  const auto send_meanwhile = [&](std::uint32_t tick) {
+    device.send_frame(tick);
+    device.await(SSW_HEARTBEAT, tick);
+  };
+  const auto answer = [&](std::uint32_t tick) {
+    ASSERT_TRUE(published(controller));
+    EXPECT_EQ(device.await(SSW_ACTUATOR_END), tick);
+  };
+  device.send_frame(1);
+  expect_frame(1, false);
+  send_meanwhile(2);
+  answer(1);
+  expect_frame(2, false);
+  for (const std::uint32_t tick : {3, 4, 5}) send_meanwhile(tick);
+  answer(2);
+  expect_frame(5, true);
+  // A frame that has come, but is not read yet, is newer than that which waits.
+  send_meanwhile(6);
+  bridge.signal(SIGSTOP);
+  ASSERT_EQ(::waitpid(bridge.pid(), nullptr, WUNTRACED), bridge.pid());
+  device.send_frame(7);
+  ASSERT_TRUE(published(controller));
+  bridge.signal(SIGCONT);
+  EXPECT_EQ(device.await(SSW_ACTUATOR_END), 5u);
+  expect_frame(7, true);
+  answer(7);
+  device.send_frame(8);
+  expect_frame(8, false);
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130) << bridge.output();
+  EXPECT_EQ(bridge.figure("frames"), 5u);
+  EXPECT_EQ(bridge.figure("passed_over"), 3u);
+  EXPECT_EQ(bridge.figure("lost"), 0u);
+}
+
+TEST(Bridge, LateAnswerMakesNoLaterOnesLate) {
+  const std::string name = surface_name("bridge-late");
+  Device device({"--pty", line_path("late"), "--size", kSize, "--period-ms", "10"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  Checker checker(name);
+  while (checker.echoed < 20) checker.tick();
+  int at_once = 0, in_time = 0;
+  for (int late = 0; late < 100 && at_once < 5; ++late) {
+    ASSERT_EQ(checker.controller.await_sensors({.timeout = 100s}), Status::kOk);
+    checker.look();
+    std::this_thread::sleep_for(15ms);  // more than a period
+    checker.answer();
+    const auto before = checker.last_tick;
+    checker.tick();
+    at_once += checker.last_tick == before + 1;
+  }
+  EXPECT_EQ(at_once, 5) << "frames that came meanwhile, before the next one";
+  for (int frame = 0; frame < 1000 && in_time < 10; ++frame) {
+    checker.tick();
+    in_time = checker.controller.sensor_info().status & kMissed ? 0 : in_time + 1;
+  }
+  EXPECT_EQ(in_time, 10) << "in a row";
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130);
+}
+
 TEST(Bridge, SilentDeviceGetsSafeValuesAndRecovers) {
   const std::string name = surface_name("bridge-silent");
   Device device({"--pty", line_path("silent"), "--size", kSize, "--period-ms", "5", "--silent-for", "200"});
@@ -259,64 +333,16 @@ TEST(Bridge, MissingDeviceExitsWithStatusThree) {
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
 }
 
-// A device of one row and column that describes itself once, with these sensors.
-class Describer {
- public:
-  explicit Describer(const std::vector<std::pair<std::string, std::string>>& names_and_units) {
-    ssw_hello hello{SSW_VERSION, static_cast<std::uint8_t>(names_and_units.size()), 1, 1, 10'000, 1, 1, "d"};
-    std::uint8_t payload[SSW_CHANNEL_BYTES];
-    ssw_put_hello(&hello, payload);
-    add(SSW_HELLO, {payload, SSW_HELLO_BYTES});
-    for (std::uint8_t i = 0; const auto& [name, unit] : names_and_units) {
-      ssw_channel c{i++, SSW_SENSOR, SSW_U8, 1, 0, 1, 0, 1, 0, {}, {}};
-      name.copy(c.name, sizeof c.name);
-      unit.copy(c.unit, sizeof c.unit);
-      ssw_put_channel(&c, payload);
-      add(SSW_CHANNEL, {payload, SSW_CHANNEL_BYTES});
-    }
-  }
-
-  // Sends this frame so many times and cuts the line, or, without a frame, waits until the bridge leaves.
-  void serve(std::uint32_t tick = 0, int frames = 0) {
-    const int line = listener_.accept();
-    EXPECT_EQ(::send(line, bytes_.data(), bytes_.size(), MSG_NOSIGNAL), std::ssize(bytes_));
-    for (int frame = 0; frame < frames; ++frame) {
-      const std::uint8_t data[SSW_DATA_HEADER + 1] = {}, end[SSW_SENSOR_END_BYTES] = {1};
-      bytes_.clear();
-      add(SSW_SENSOR_DATA, data, tick);
-      add(SSW_SENSOR_END, end, tick);
-      EXPECT_EQ(::send(line, bytes_.data(), bytes_.size(), MSG_NOSIGNAL), std::ssize(bytes_));
-      std::this_thread::sleep_for(10ms);
-    }
-    if (frames != 0) return static_cast<void>(::close(line));
-    for (char byte; ::read(line, &byte, 1) > 0;) {
-    }
-    ::close(line);
-  }
-
-  const std::string& port() const { return listener_.port; }
-
- private:
-  void add(std::uint8_t type, std::span<const std::uint8_t> payload, std::uint32_t tick = 0) {
-    std::uint8_t encoded[SSW_MAX_ENCODED + 2];
-    const ssw_packet packet{type, sequence_++, tick, payload.data(), payload.size()};
-    bytes_.append(reinterpret_cast<const char*>(encoded), ssw_write(&packet, encoded));
-  }
-  Listener listener_;
-  std::uint8_t sequence_ = 0;
-  std::string bytes_;
-};
-
 TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
   for (const auto& [channels, message] :
-       {std::pair<std::vector<std::pair<std::string, std::string>>, std::string>{{{"a b", ""}},
-                                                                                 "channel \"a b\""},
+       {std::pair<SteppedDevice::Sensors, std::string>{{{"a b", ""}}, "channel \"a b\""},
         {{{"", ""}}, "channel \"\""},
         {{{"a", std::string(16, 'u')}}, "unit \"uuuuuuuuuuuuuuuu\""},
         {{{"a", ""}, {"a", ""}}, "channel 1 'a' of the device: is named twice"}}) {
-    Describer device(channels);
+    SteppedDevice device(channels);
     Program bridge({SURFACE_BRIDGE, device.port(), "--shm", surface_name("bridge-unusable")});
-    device.serve();
+    device.connect();
+    device.await_leave();
     EXPECT_EQ(bridge.wait(), 1);
     const std::string said = bridge.output();
     EXPECT_NE(said.find(message), std::string::npos) << said;
@@ -325,12 +351,13 @@ TEST(Bridge, UnusableDescriptionExitsWithStatusOne) {
 }
 
 TEST(Bridge, UnusableBoardOfATableIsNamed) {
-  Describer device({{"a", ""}, {"a", ""}});
+  SteppedDevice device(SteppedDevice::Sensors{{"a", ""}, {"a", ""}});
   const std::string name = surface_name("bridge-unusable-board"), file = line_path(name) + ".toml";
   std::ofstream(file) << "name = \"t\"\nperiod_us = 10000\n\n[[board]]\ndevice = \"" << device.port()
                       << "\"\nat = [0, 0]\n";
   Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name, "--connect", "4"});
-  device.serve();
+  device.connect();
+  device.await_leave();
   EXPECT_EQ(bridge.wait(), 3);
   const std::string place = file + ":4: board '" + device.port() + "': ",
                     why = "channel 1 'a' of the device: is named twice";
@@ -344,9 +371,14 @@ TEST(Bridge, UnusableBoardOfATableIsNamed) {
 
 // Firmware that hangs falls silent, however often it repeats its frame.
 TEST(Bridge, RepeatedFrameIsNoNewFrame) {
-  Describer device(std::vector<std::pair<std::string, std::string>>{{"a", ""}});
+  SteppedDevice device(SteppedDevice::Sensors{{"a", ""}});
   Program bridge({SURFACE_BRIDGE, device.port(), "--shm", surface_name("bridge-hangs"), "--silence", "0.1"});
-  device.serve(5, 60);
+  device.connect();
+  for (int frame = 0; frame < 60; ++frame) {
+    device.send_frame(5);
+    std::this_thread::sleep_for(10ms);
+  }
+  device.cut();
   bridge.signal(SIGTERM);
   EXPECT_EQ(bridge.wait(), 143);
   EXPECT_EQ(bridge.figure("frames"), 1u) << bridge.output();

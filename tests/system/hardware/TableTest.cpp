@@ -20,6 +20,7 @@
 #include "shm-protocol/hardware/bridge/Calibration.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
+#include "tests/system/hardware/SteppedDevice.h"
 
 namespace hardware {
 namespace {
@@ -31,7 +32,7 @@ using shm_protocol::Direction;
 using shm_protocol::Status;
 
 // FrameInfo::status, as docs/hardware.md has it.
-constexpr std::uint32_t kStopped = 16, kBoardNotValid = 128;
+constexpr std::uint32_t kMissed = 1, kStopped = 16, kBoardNotValid = 128;
 
 // An emulator of several boards of 4×4 cells, its table and the bridge.
 struct Table {
@@ -229,6 +230,60 @@ TEST(Table, TicksThatASlowControllerSkipsCountForValidity) {
   table.bridge->signal(SIGINT);
   EXPECT_EQ(table.bridge->wait(), 130);
   EXPECT_LT(std::stod(table.bridge->await_output("least_valid ")), 0.9) << table.bridge->output();
+}
+
+// The board's tick that the controller has seen, however many the bridge has read since.
+TEST(Table, LateAnswerNamesTheTickThatItAnswers) {
+  const std::string name = surface_name("table-late"), file = line_path(name) + ".toml";
+  SteppedDevice device({{"tick", ""}}, {"height"});
+  std::ofstream(file) << "name = 't'\nperiod_us = " << SteppedDevice::kPeriod_us << "\n[[board]]\ndevice = '"
+                      << device.port() << "'\nat = [0, 0]\n";
+  Program bridge({SURFACE_BRIDGE, "--table", file, "--shm", name, "--silence", "1000"});
+  device.connect();
+  auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
+  const int sensor = controller.description().channel(Direction::kSensor, "tick");
+  const int valid = controller.description().channel(Direction::kSensor, "valid");
+  device.await(SSW_START, 0);
+  for (std::uint32_t tick = 1; tick < 20; tick += 4) {
+    device.send_frame(tick);
+    for (;;) {
+      ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+      if (controller.sensor<std::uint8_t>(valid)[0] != 0 &&
+          controller.sensor<std::uint8_t>(sensor)[0] == tick)
+        break;
+      ASSERT_TRUE(published(controller));
+    }
+    for (std::uint32_t later = tick + 1; later < tick + 4; ++later) {
+      device.send_frame(later);
+      device.await(SSW_HEARTBEAT, later);
+    }
+    ASSERT_TRUE(published(controller));
+    std::uint32_t answered;  // earlier ones answer frames without a reading
+    do answered = device.await(SSW_ACTUATOR_END);
+    while (answered < tick);
+    EXPECT_EQ(answered, tick);
+  }
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130) << bridge.output();
+  std::filesystem::remove(file);
+}
+
+TEST(Table, AnswersOfASlowPassiveControllerAreLate) {
+  Table table("late-passive", "1x1", {}, {"--mode", "passive"});
+  auto controller = ControllerEndpoint::attach(table.name, {.timeout = 60s});
+  auto observer = shm_protocol::ObserverEndpoint::attach(table.name, {.timeout = 60s});
+  for (int answers = 0; answers < 30; ++answers) {
+    ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+    const auto seen = controller.sensor_info().tick;
+    do {
+      ASSERT_EQ(observer.await(Direction::kSensor, {.timeout = 60s}), Status::kOk);
+      const auto& info = observer.info(Direction::kSensor);
+      EXPECT_TRUE(answers < 5 || info.status & (kMissed | kBoardNotValid)) << info.tick;
+    } while (observer.info(Direction::kSensor).tick < seen + 2);
+    ASSERT_TRUE(published(controller));
+  }
+  table.bridge->signal(SIGINT);
+  EXPECT_EQ(table.bridge->wait(), 130) << table.bridge->output();
 }
 
 TEST(Table, EmergencyStopHoldsAllBoardsUntilItIsReleased) {

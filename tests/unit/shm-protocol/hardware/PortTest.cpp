@@ -1,9 +1,15 @@
 // Device addresses, and detection of a lost line.
 #include "shm-protocol/hardware/bridge/Port.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <termios.h>
 #include <unistd.h>
 
+#include <random>
 #include <stdexcept>
 #include <vector>
 
@@ -79,6 +85,73 @@ TEST(Port, TerminalTransfersAllBytesAndDetectsHangup) {
 TEST(Port, TcpTransfersAllBytesAndDetectsHangup) {
   const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::tcp(0)));
   exchange_and_cut(*line);
+}
+
+// Whatever the last program on the line left.
+TEST(Port, TerminalIsRawAndWithoutFlowControl) {
+  const std::string link = ::testing::TempDir() + "port-test-raw-" + std::to_string(::getpid());
+  std::mt19937 random(1);
+  for (int attempt = 0; attempt < 20; ++attempt) {
+    const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::terminal(link)));
+    const int other = ::open(link.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    termios settings{};
+    ASSERT_EQ(::tcgetattr(other, &settings), 0);
+    settings.c_iflag =
+        random() & (IGNBRK | BRKINT | PARMRK | ISTRIP | INLCR | IGNCR | ICRNL | IXON | IXOFF | IXANY);
+    settings.c_oflag ^= random() & OPOST;
+    settings.c_cflag ^= random() & (CSTOPB | CRTSCTS | HUPCL | PARENB | CLOCAL);
+    settings.c_lflag = random() & (ICANON | ECHO | ECHONL | ISIG | IEXTEN);
+    ASSERT_EQ(::tcsetattr(other, TCSANOW, &settings), 0);
+    std::string why;
+    const auto port = Port::open(PortAddress::parse(link, 115200), why);
+    ASSERT_TRUE(port) << why;
+    ASSERT_EQ(::tcgetattr(port->descriptor(), &settings), 0);
+    EXPECT_EQ(settings.c_iflag, 0u);
+    EXPECT_EQ(settings.c_oflag & OPOST, 0u);
+    EXPECT_EQ(settings.c_cflag & (CSIZE | PARENB | CSTOPB | CRTSCTS | HUPCL | CLOCAL | CREAD),
+              static_cast<tcflag_t>(CS8 | CLOCAL | CREAD));
+    EXPECT_EQ(settings.c_lflag, 0u);
+    ::close(other);
+  }
+}
+
+// A host that vanishes from the network sends no FIN and no RST: the device holds its connection.
+TEST(Port, DeviceGivesUpAConnectionThatItsNetworkHasCut) {
+  const auto device = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::tcp(0)));
+  PortAddress address = PortAddress::parse(device->name(), 115200);
+  std::vector<std::uint8_t> got;
+  for (std::uint8_t connection = 1; connection < 5; ++connection) {
+    std::string why;
+    auto port = Port::open(address, why);
+    ASSERT_TRUE(port) << why;
+    address.local_port = port->local_port();
+    int timeout_ms = 0;
+    socklen_t size = sizeof timeout_ms;
+    ::getsockopt(port->descriptor(), IPPROTO_TCP, TCP_USER_TIMEOUT, &timeout_ms, &size);
+    EXPECT_EQ(timeout_ms, 2000);
+    ASSERT_EQ(port->write({&connection, 1}), 1u);
+    for (int attempt = 0; attempt < 2000 && got.size() < connection; ++attempt) {
+      device->read(got);
+      ::usleep(1000);
+    }
+    ASSERT_EQ(got.size(), connection);
+    const int silently = 1;  // closes without a word
+    if (::setsockopt(port->descriptor(), IPPROTO_TCP, TCP_REPAIR, &silently, sizeof silently) != 0)
+      GTEST_SKIP() << "needs CAP_NET_ADMIN";
+  }
+}
+
+// The port of before may be in use.
+TEST(Port, TcpConnectsFromAnyPortIfItsOwnIsTaken) {
+  const auto device = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::tcp(0)));
+  PortAddress address = PortAddress::parse(device->name(), 115200);
+  std::string why;
+  const auto first = Port::open(address, why);
+  ASSERT_TRUE(first) << why;
+  address.local_port = first->local_port();
+  const auto second = Port::open(address, why);
+  ASSERT_TRUE(second) << why;
+  EXPECT_NE(second->local_port(), first->local_port());
 }
 
 }  // namespace
