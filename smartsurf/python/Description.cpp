@@ -29,6 +29,7 @@ py::dict describe(const Environment& environment) {
                   "steps_per_tick"_a = scene.world.steps_per_tick(), "sensors"_a = sensors,
                   "actuators"_a = actuators, "info"_a = info, "options"_a = option_values(environment),
                   "has_reward"_a = environment.experiment().has_reward(),
+                  "has_success"_a = environment.experiment().declares_success(),
                   "episode_seconds"_a = environment.experiment().episode_s(), "objects"_a = objects,
                   "extensions"_a = extensions, "engine"_a = scene.world.engine);
 }

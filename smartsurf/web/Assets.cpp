@@ -20,6 +20,7 @@
 ASSET(page_html, "page.html")
 ASSET(player_js, "player.js")
 ASSET(table_js, "table.js")
+ASSET(plots_js, "plots.js")
 ASSET(mechanisms_js, "mechanisms.js")
 ASSET(three_js, "three/three.module.min.js")
 ASSET(orbit_controls_js, "three/OrbitControls.js")

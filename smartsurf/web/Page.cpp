@@ -308,6 +308,7 @@ void write_page(const Recording& recording, const fs::path& path, const PageOpti
                                                          {"ORBIT", orbit_controls_js()},
                                                          {"MECHANISMS", mechanisms_js()},
                                                          {"TABLE", table_js()},
+                                                         {"PLOTS", plots_js()},
                                                          {"PLAYER", player_js()}});
   if (const std::error_code error = common::replace_file(path, page))
     throw scene::InputError(path.string() + ": cannot be written: " + error.message());

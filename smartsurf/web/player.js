@@ -1,4 +1,5 @@
 // Plays the recording embedded in the page.
+import { makePlots } from 'plots';
 import { makeRenderer, makeTable } from 'table';
 
 const byId = (id) => document.getElementById(id);
@@ -39,69 +40,6 @@ window.player = state;   // for tests
 const renderer = makeRenderer(), table = makeTable(scene, series, renderer, state);
 const { frameTable, quantities, cellName, objectName, speedOf } = table;
 
-// ---- Plots beside the scene, over the whole recording; a drag in one moves the time
-const plots = [];
-function addPlot(name, of) {
-  if (plots.some((plot) => plot.name === name)) return;
-  const values = scene.time.map((_, f) => of(f)), known = values.filter(Number.isFinite);
-  const low = known.reduce((a, b) => Math.min(a, b), Infinity), high = known.reduce((a, b) => Math.max(a, b), -Infinity);
-  const figure = document.createElement('figure'), caption = document.createElement('figcaption');
-  const title = document.createElement('span'), remove = document.createElement('button');
-  title.textContent = name;
-  remove.textContent = '×';
-  remove.title = `remove ${name}`;
-  caption.append(title, remove);
-  const canvas = document.createElement('canvas');
-  figure.append(caption, canvas);
-  byId('plots').append(figure);
-  const plot = { name, values, low: known.length ? low : 0, high: known.length ? high : 1, canvas };
-  plots.push(plot);
-  remove.addEventListener('click', () => {
-    plots.splice(plots.indexOf(plot), 1);
-    figure.remove();
-  });
-  const seekTo = (event) => {
-    const box = canvas.getBoundingClientRect(), share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
-    setPlaying(false);
-    seek(frameAt(scene.time[0] + share * (scene.time[last] - scene.time[0])));
-  };
-  canvas.addEventListener('pointerdown', (event) => { canvas.setPointerCapture(event.pointerId); seekTo(event); });
-  canvas.addEventListener('pointermove', (event) => { if (event.buttons) seekTo(event); });
-  state.shown = -1;
-}
-
-function drawPlot({ canvas, values, low, high }, frame) {
-  const ratio = window.devicePixelRatio, width = canvas.clientWidth * ratio, height = canvas.clientHeight * ratio;
-  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-  const plot = canvas.getContext('2d'), style = getComputedStyle(document.documentElement), line = 12 * ratio;
-  const duration = scene.time[last] - scene.time[0] || 1, foot = height - line - 2 * ratio;
-  const x = (f) => (scene.time[f] - scene.time[0]) / duration * (width - 2 * ratio) + ratio;
-  const y = (value) => foot - 3 * ratio - (value - low) / (high - low || 1) * (foot - 6 * ratio);
-  plot.clearRect(0, 0, width, height);
-  plot.fillStyle = state.dark ? '#ffffff0d' : '#0000000a';
-  plot.fillRect(0, 0, width, foot);
-  plot.lineWidth = 1.5 * ratio;
-  plot.strokeStyle = state.dark ? '#6cb6ff' : '#0b63b5';
-  plot.beginPath();
-  let drawing = false;
-  values.forEach((value, f) => {
-    if (!Number.isFinite(value)) { drawing = false; return; }
-    if (drawing) plot.lineTo(x(f), y(value)); else plot.moveTo(x(f), y(value));
-    drawing = true;
-  });
-  plot.stroke();
-  plot.strokeStyle = '#d55e00';
-  plot.strokeRect(x(frame), 0, 0, foot);
-  plot.font = `${11 * ratio}px system-ui, "DejaVu Sans", sans-serif`;
-  plot.fillStyle = style.getPropertyValue('--dim');
-  const number = (value) => String(Number(value.toPrecision(3)));
-  plot.textAlign = 'left';
-  plot.fillText(`${number(low)} to ${number(high)}`, 2 * ratio, height - 2 * ratio);
-  plot.fillStyle = '#d55e00';
-  plot.textAlign = 'right';
-  plot.fillText(Number.isFinite(values[frame]) ? number(values[frame]) : '–', width - 2 * ratio, height - 2 * ratio);
-}
-
 // ---- Playback
 const last = scene.time.length - 1;
 
@@ -122,6 +60,7 @@ function seek(frame) {
   state.frame = Math.min(Math.max(frame, 0), last);
   state.now = scene.time[state.frame];
 }
+const plots = makePlots(scene, state, (time) => { setPlaying(false); seek(frameAt(time)); });
 
 byId('facts').textContent = `${scene.rows} × ${scene.columns} cells, ${scene.objects.length} object${scene.objects.length === 1 ? '' : 's'}${scene.seed === undefined ? '' : `, seed ${scene.seed}`}`;
 byId('slider').max = last;
@@ -134,7 +73,7 @@ for (const view of ['top', 'iso', 'side']) byId(`view-${view}`).addEventListener
 byId('grid').addEventListener('change', () => { table.grid.visible = byId('grid').checked; });
 byId('add-plot').addEventListener('click', () => {
   const { object: id, cell } = state.selected, { name, of } = quantities()[byId('quantity').value];
-  addPlot(`${cell !== undefined ? cellName(cell) : objectName(id)}, ${name}`, of);
+  plots.add(`${cell !== undefined ? cellName(cell) : objectName(id)}, ${name}`, of);
   showPlots(true);
 });
 byId('show-plots').addEventListener('change', () => showPlots(byId('show-plots').checked));
@@ -161,13 +100,13 @@ window.addEventListener('keydown', (event) => {
   event.preventDefault();
   actions[event.key]();
 });
-for (const { name, values } of scene.plots) addPlot(name, (f) => values[f] ?? NaN);
+for (const { name, values } of scene.plots) plots.add(name, (f) => values[f] ?? NaN);
 if (series.position && scene.objects.length > 0)
-  addPlot('mean speed, u/s', (f) => {
+  plots.add('mean speed, u/s', (f) => {
     const speeds = scene.objects.map((_, id) => speedOf(f, id)).filter(Number.isFinite);
     return speeds.reduce((a, b) => a + b, 0) / speeds.length;
   });
-showPlots(plots.length > 0 && window.innerWidth >= 900);
+showPlots(plots.count() > 0 && window.innerWidth >= 900);
 new ResizeObserver(table.resize).observe(byId('scene-area'));
 table.resize();
 table.setColours();
@@ -186,7 +125,7 @@ renderer.setAnimationLoop((now) => {
     table.show(state.frame);
     byId('slider').value = state.frame;
     byId('clock').textContent = `${scene.time[state.frame].toFixed(2)} of ${scene.time[last].toFixed(2)} s`;
-    if (!byId('plots').hidden) for (const plot of plots) drawPlot(plot, state.frame);
+    if (!byId('plots').hidden) plots.draw(state.frame);
     state.shown = state.frame;
   }
   table.draw(state.frame);

@@ -18,6 +18,18 @@ const colourFrom = (rgb) => new THREE.Color().setRGB(...rgb, THREE.SRGBColorSpac
 const colourTable = (rgbAt) => Array.from({ length: 256 }, (_, i) => colourFrom(rgbAt(i / 255)));
 const valueIn = (table, t) => table[t > 0 ? Math.round(255 * Math.min(t, 1)) : 0];
 
+// The text of a value among others that differ by up to `range`: four digits of the range, at least four of its own, and its whole
+// part up to nine digits; with an exponent where that shortens ten characters or more.
+export function numberText(value, range = 0) {
+  if (!Number.isFinite(value)) return '–';
+  if (Math.abs(value) <= 1e-9 * range) return '0';   // or what rounding has left
+  const magnitude = (x) => Math.floor(Math.log10(Math.abs(x))), own = magnitude(value);
+  const digits = Math.max(4, own < 9 ? own + 1 : 0, range > 0 ? own - magnitude(range) + 4 : 0);
+  const rounded = Number(value.toPrecision(Math.min(digits, 15)));
+  const [plain, short] = [String(rounded), rounded.toExponential()].map((text) => text.replace('e+', 'e'));
+  return plain.length > 9 && short.length < plain.length ? short : plain;
+}
+
 export function makeRenderer() {
   const renderer = new THREE.WebGLRenderer({ canvas: byId('view'), antialias: true, stencil: true, preserveDrawingBuffer: true });
   renderer.setPixelRatio(window.devicePixelRatio);
@@ -325,22 +337,21 @@ export function makeTable(scene, series, renderer, state) {
   const shownUnit = (unit) => unit.replaceAll('*', '·').replaceAll('^2', '²').replaceAll('^3', '³');  // "mass*u/s^2"
   const channelTitle = ({ name, unit }) => name.replace('/', ': ') + (unit ? `, ${shownUnit(unit)}` : '');
 
-  // The quantities of the selection that can be plotted: a name, and the value at a frame.
+  // The quantities of the selection that can be plotted: a name, the value at a frame, and by how much values differ.
   function quantities() {
     const { object: id, cell } = state.selected, p = series.position;
     if (cell !== undefined)
       return Object.values(series).filter((s) => s.values === cells).map((s) =>
-        ({ name: channelTitle(s), of: (f) => s.missing(f, cell) ? NaN : s.value(f, cell) }));
+        ({ name: channelTitle(s), range: s.high - s.low, of: (f) => s.missing(f, cell) ? NaN : s.value(f, cell) }));
     const along = (k) => (f) => !p || p.missing(f, 3 * id) ? NaN : p.value(f, 3 * id + k);
     return [...(last > 0 ? [{ name: 'speed, u/s', of: (f) => speedOf(f, id) }] : []),
-      ...['x', 'y', 'z'].map((axis, k) => ({ name: `${axis}, u`, of: along(k) }))];
+      ...['x', 'y', 'z'].map((axis, k) => ({ name: `${axis}, u`, range: p ? p.high - p.low : 0, of: along(k) }))];
   }
 
   function showSelection(frame) {
     if (!state.selected) return;
     const panel = byId('inspect'), { object: id, cell } = state.selected;
-    const number = (value) => Number.isFinite(value) ? String(Number(value.toPrecision(4))) : '–';
-    const values = quantities().map(({ name, of }) => [name, number(of(frame))]);
+    const values = quantities().map(({ name, range, of }) => [name, numberText(of(frame), range)]);
     panel.querySelector('h2').textContent = cell !== undefined ? cellName(cell) : objectName(id);
     if (cell === undefined) values.unshift(['shape', scene.objects[id].shape]);
     panel.querySelector('dl').replaceChildren(...values.flatMap(([name, value]) => {
@@ -418,8 +429,7 @@ export function makeTable(scene, series, renderer, state) {
     state.shown = -1;
     if (!channel) return;
     byId('legend-name').textContent = byId('cells').selectedOptions[0].text;
-    byId('legend-low').textContent = channel.low.toPrecision(3) / 1;
-    byId('legend-high').textContent = channel.high.toPrecision(3) / 1;
+    for (const end of ['low', 'high']) byId(`legend-${end}`).textContent = numberText(channel[end], channel.high - channel.low);
     const bar = byId('legend').querySelector('canvas').getContext('2d');
     for (let x = 0; x < 220; ++x) {
       bar.fillStyle = `rgb(${paletteColour(scene.palette, x / 219).map(Math.round)})`;

@@ -30,7 +30,7 @@ from ._printable import printable
 from ._task import TaskVectorEnv
 from ._vector import VectorEnv, finite_rewards
 from .policy import LocalPolicy
-from .training import Log, channel_scale, local_policy, training_seeds
+from .training import Log, channel_scale, has_success, local_policy, training_seeds
 
 Floats = NDArray[np.float32]
 
@@ -475,7 +475,7 @@ def train(make: Callable[..., VectorEnv], how: argparse.Namespace, log: Log) -> 
         policy = learner.policy()
         returns = learner.returns
         log.add(learner.samples, learner.episodes, np.array(returns), max(returns, default=float("nan")),
-                float(np.mean(learner.won)) if learner.won else 0.0, policy, learner.save())
+                float(np.mean(learner.won)) if learner.won and has_success(learner.envs) else None, policy, learner.save())
         learner.returns, learner.won = [], []
     learner.envs.close()
     return policy

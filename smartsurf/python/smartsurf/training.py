@@ -120,6 +120,12 @@ def input_names(channels: Sequence[Channel]) -> list[str]:
     return [name for c in channels for name in plane_names(c.name, c.components)]
 
 
+def has_success(envs: VectorEnv) -> bool:
+    """Whether the experiment or its Task says when the goal is reached."""
+    task = envs.task if isinstance(envs, TaskVectorEnv) else Task()
+    return bool(envs._description["has_success"]) or type(task).success is not Task.success
+
+
 def run_episodes(envs: VectorEnv, observation: Any, command: Callable[[Any, FloatArray, Flags], None]) -> tuple[Vector, Flags]:
     """Returns and successes of the episodes that reset() has started with this observation. command(observation, commands,
     running) fills in the commands of the worlds that still run."""
@@ -140,8 +146,8 @@ class Tester:
     def __init__(self, make: Make, how: argparse.Namespace):
         self._envs, self._of_planes = make(how.test, threads=how.threads, copy=False), how.policy == "cnn"
 
-    def __call__(self, policy: LocalPolicy | NetworkPolicy) -> tuple[float, float]:
-        """Mean return and share of successes."""
+    def __call__(self, policy: LocalPolicy | NetworkPolicy) -> tuple[float, float | None]:
+        """Mean return and share of successes, None without a goal."""
         envs, inputs = self._envs, input_names(self._envs.sensor_channels)
         if isinstance(policy, LocalPolicy):
             policy.reset()
@@ -153,7 +159,7 @@ class Tester:
             else:
                 commands[...] = policy(envs._observations if self._of_planes else observation)
         total, success = run_episodes(envs, envs.reset(seed=TEST_SEEDS.start)[0], command)
-        return float(total.mean()), float(success.mean())
+        return float(total.mean()), float(success.mean()) if has_success(envs) else None
 
     def close(self) -> None:
         self._envs.close()
@@ -200,19 +206,19 @@ class Log:
             raise ValueError(f"--resume: {self._folder} was trained with {was}; now with {now}: give the same arguments, or train "
                              "anew without --resume")
 
-    def add(self, samples: int, episodes: int, returns: Vector, best: float, success: float,
+    def add(self, samples: int, episodes: int, returns: Vector, best: float, success: float | None,
             policy: LocalPolicy | NetworkPolicy, state: dict[str, Any] | None) -> None:
-        """returns: of the iteration's episodes, or of its candidates. best: of the best ones. success: share of the episodes.
-        policy: what is learned so far, which is tested; the times are without that. state: of the learner, None if it cannot go
-        on from one."""
+        """returns: of the iteration's episodes, or of its candidates. best: of the best ones. success: share of the episodes, None
+        without a goal. policy: what is learned so far, which is tested; the times are without that. state: of the learner, None if
+        it cannot go on from one."""
         cpu, wall = time.process_time(), time.monotonic()
         row: dict[str, Any] = {
             "iteration": len(self._rows), "samples": samples, "episodes": episodes, "cpu_s": f"{cpu - self._cpu:.2f}",
             "wall_s": f"{wall - self._start:.2f}", "return": f"{np.mean(returns) if len(returns) else np.nan:.6g}",
-            "best_return": f"{best:.6g}", "success_rate": f"{success:.4f}"}
+            "best_return": f"{best:.6g}", "success_rate": _text(success, ".4f")}
         if self._tester is not None:
             tested, won = self._tester(policy)
-            row.update(test_return=f"{tested:.6g}", test_success_rate=f"{won:.4f}")
+            row.update(test_return=f"{tested:.6g}", test_success_rate=_text(won, ".4f"))
         self._rows.append(row)
         save_policy(policy, self._folder, self._title)
         with replaced(self._folder / "curve.csv") as part, part.open("w", newline="") as file:
@@ -225,8 +231,11 @@ class Log:
             _write_checkpoint(self._checkpoint, {"given": self._given, "rows": self._rows, "cpu_s": cpu - self._cpu,
                                                  "wall_s": wall - self._start, "state": state})
         self._write_board()
-        print(f"{row['iteration']:4}: {samples} samples, {episodes} episodes, {row['cpu_s']} s, return {float(row['return']):.4g}, best "
-              f"{best:.4g}, success {success:.0%}" + (f", test {tested:.4g}, {won:.0%}" if self._tester is not None else ""), flush=True)
+        line = (f"{row['iteration']:4}: {samples} samples, {episodes} episodes, {row['cpu_s']} s, return {float(row['return']):.4g}, "
+                f"best {best:.4g}" + _text(success, ".0%", ", success "))
+        if self._tester is not None:
+            line += f", test {tested:.4g}" + _text(won, ".0%", ", ")
+        print(line, flush=True)
         self._cpu += time.process_time() - cpu
         self._start += time.monotonic() - wall
 
@@ -238,7 +247,7 @@ class Log:
             self._board, new = _board(self._folder), self._rows
         for row in new if self._board else []:
             for name in self.FIELDS[3:]:
-                if name in row:
+                if row.get(name):  # "" of a rate that is not known
                     self._board.add_scalar(f"train/{name}", float(row[name]), row["samples"])
 
     def close(self) -> None:
@@ -246,6 +255,11 @@ class Log:
             self._tester.close()
         if self._board is not None:
             self._board.close()
+
+
+def _text(share: float | None, form: str, before: str = "") -> str:
+    """Nothing of a share that is not known."""
+    return "" if share is None else before + format(share, form)
 
 
 def _write_checkpoint(path: pathlib.Path, state: dict[str, Any]) -> None:
@@ -368,8 +382,8 @@ def train_cem(make: Make, how: argparse.Namespace, log: Log) -> LocalPolicy:
     for found in cem(scores, np.zeros(count), how.deviation, generations=how.iterations, candidates=how.candidates, runs=how.runs,
                      seed=how.seed, state=state["search"]):
         best, state["samples"] = policy(found.mean), samples
-        log.add(samples, (found.number + 1) * how.candidates * how.runs, np.array([found.mean_score]), found.elite_score, won, best,
-                state)
+        log.add(samples, (found.number + 1) * how.candidates * how.runs, np.array([found.mean_score]), found.elite_score,
+                won if has_success(envs) else None, best, state)
     envs.close()
     return best
 

@@ -160,6 +160,27 @@ TimeSeries channel_series(const Recording& recording, const std::string& shown, 
   return result;
 }
 
+// Says of a channel and its cells, NAME:ROW,COLUMN, how to record it; "" if the run recorded all of its kind.
+std::string how_to_record(const Recording& recording, const Arguments& parts) {
+  const auto cell =
+      std::ranges::find_if(parts, [](const std::string& part) { return part.find(',') != part.npos; });
+  if (cell == parts.end() || !recording.meta().is_simulated) return "";
+  std::string name = joined(parts, 0, static_cast<std::size_t>(cell - parts.begin()));
+  if (const std::size_t bracket = name.rfind('['); name.ends_with(']') && bracket != name.npos)
+    name.resize(bracket);
+  const scene::ChannelReference wanted = scene::parse_channel(name);
+  const bool is_command =
+      std::ranges::any_of(recording.spec().surface.actuator_channels(),
+                          [&](const scene::ActuatorChannel& channel) { return channel.name == wanted.name; });
+  if (!is_command && wanted.kind != scene::ChannelKind::kSensor) return "";
+  if (!recording.channel_names(is_command ? ChannelGroup::kActuators : ChannelGroup::kSensors).empty())
+    return "";
+  return recording.path().string() +
+         (is_command
+              ? " holds no commands, which record { actuators = true } keeps"
+              : " holds no sensors: record { sensors = true } keeps those that the experiment declares");
+}
+
 // The channel that a fixed kind of the same name hides.
 TimeSeries named_channel_series(const Recording& recording, const std::string& kind,
                                 const Arguments& arguments) {
@@ -167,6 +188,8 @@ TimeSeries named_channel_series(const Recording& recording, const std::string& k
   const std::size_t count = longest_name(
       arguments, 0, [&](const std::string& name) { return find_channel(recording, name).has_value(); });
   if (count == 0) {
+    if (const std::string how = how_to_record(recording, arguments); !how.empty())
+      throw_plot_error(kind + ":" + arguments[0], how);
     std::vector<std::string> known;
     for (const ChannelGroup group : kChannelGroups)
       std::ranges::copy(recording.channel_names(group), std::back_inserter(known));
@@ -363,8 +386,10 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     for (const std::string& name : recording.channel_names(group))
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
   known.insert(known.end(), metrics.begin(), metrics.end());
-  throw_plot_error(kind,
-                   "unknown kind of plot; known: " + common::join(known) + common::did_you_mean(kind, known));
+  const std::string meant = common::did_you_mean(kind, known);
+  if (const std::string how = how_to_record(recording, parts); !how.empty())
+    throw_plot_error(kind, how + meant);
+  throw_plot_error(kind, "unknown kind of plot; known: " + common::join(known) + meant);
 }
 
 }  // namespace smartsurf::record

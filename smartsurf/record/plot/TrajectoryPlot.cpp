@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "smartsurf/record/SizeClasses.h"
@@ -17,6 +18,9 @@ constexpr double kLongSide = 640.0, kMinWidth = 420.0, kMinHeight = 220.0;  // p
 constexpr double kRightMargin = 24.0, kTop = 62.0, kLegendOffset = 48.0, kLegendRow = 22.0,
                  kLegendTextOffset = 44.0;
 constexpr std::size_t kMaxLegendColumns = 4;    // including the entries for start and end
+constexpr double kMaxLegendShare = 1.0 / 3.0;   // of the plot's height
+constexpr float kMinContrast = 0.12F;           // between the colours of groups, in one component
+constexpr float kMaxLuma = 0.6F;                // of lines on white
 constexpr double kMarkRadius = 4.6;             // radius of an O, arm of an X
 constexpr double kMargin = 0.03;                // margin around the surface, as a share of its longer side
 constexpr double kMinStep_points = 0.5;         // shorter moves are not visible
@@ -32,6 +36,41 @@ const std::vector<LineStyle>& line_styles() {
     return styles;
   }();
   return all;
+}
+
+// Numbers within names count as such: "class 2" is before "class 10".
+bool is_naturally_less(std::string_view a, std::string_view b) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  const auto take_digits = [&](std::string_view& text) {
+    const auto end = std::ranges::find_if_not(text, is_digit) - text.begin();
+    std::string_view digits = text.substr(0, static_cast<std::size_t>(end));
+    text.remove_prefix(digits.size());
+    digits.remove_prefix(std::min(digits.find_first_not_of('0'), digits.size()));
+    return digits;
+  };
+  const std::string_view whole_a = a, whole_b = b;
+  while (!a.empty() && !b.empty()) {
+    if (is_digit(a.front()) && is_digit(b.front())) {
+      const std::string_view m = take_digits(a), n = take_digits(b);
+      if (m != n) return m.size() != n.size() ? m.size() < n.size() : m < n;
+    } else if (a.front() != b.front()) {
+      return a.front() < b.front();
+    } else {
+      a.remove_prefix(1), b.remove_prefix(1);
+    }
+  }
+  return a.empty() != b.empty() ? a.empty() : whole_a < whole_b;
+}
+
+// The colour, as dark as a line on white has to be.
+scene::Colour on_white(scene::Colour colour) {
+  const float luma = 0.2126F * colour.r + 0.7152F * colour.g + 0.0722F * colour.b;
+  const float factor = kMaxLuma / std::max(luma, kMaxLuma);
+  return {factor * colour.r, factor * colour.g, factor * colour.b};
+}
+
+float contrast(const scene::Colour& a, const scene::Colour& b) {
+  return std::max({std::abs(a.r - b.r), std::abs(a.g - b.g), std::abs(a.b - b.b)});
 }
 
 Chart make_chart(const scene::SurfaceSpec& s) {
@@ -94,39 +133,47 @@ TrajectoryPlot::TrajectoryPlot(const Recording& recording)
 
 double TrajectoryPlot::width() const { return chart_.area().right() + kRightMargin; }
 double TrajectoryPlot::height() const {
-  return chart_.area().bottom() + kLegendOffset + legend_rows() * kLegendRow + 8.0;
+  const auto [columns, named, entries] = legend();
+  const auto rows = static_cast<double>((entries + columns - 1) / columns);
+  return chart_.area().bottom() + kLegendOffset + rows * kLegendRow + 8.0;
 }
 std::string TrajectoryPlot::legend_text(const Group& group) {
   return group.name + " (" + std::to_string(group.objects.size()) + ")";
 }
-// As many as have room for the longest text.
-std::size_t TrajectoryPlot::legend_columns() const {
+// As many columns as have room for the longest text; fewer, if that keeps the last entry from a row of its
+// own.
+TrajectoryPlot::Legend TrajectoryPlot::legend() const {
   std::size_t longest = 1;
   for (const Group& group : groups_) longest = std::max(longest, legend_text(group).size());
   const double entry = kLegendTextOffset + 7.2 * static_cast<double>(longest) + 6.0;
-  return std::clamp<std::size_t>(static_cast<std::size_t>(chart_.area().width / entry), 1, kMaxLegendColumns);
-}
-double TrajectoryPlot::legend_rows() const {
-  return std::ceil(static_cast<double>(groups_.size() + 2) / static_cast<double>(legend_columns()));
+  const auto most =
+      std::clamp<std::size_t>(static_cast<std::size_t>(chart_.area().width / entry), 1, kMaxLegendColumns);
+  const auto rows = static_cast<std::size_t>(kMaxLegendShare * chart_.area().height / kLegendRow);
+  const std::size_t all = groups_.size() + 2;
+  if (all > most * rows) return {most, most * rows - 3, most * rows};
+  std::size_t columns = most;
+  while (columns > 1 && all > columns && all % columns == 1) --columns;
+  if (columns == 1 || all > columns * rows) columns = most;
+  return {columns, groups_.size(), all};
 }
 
-// Groups by label if there are labels, otherwise by size class. Exactly two labels are the two size classes.
+// Groups by label if there are labels, otherwise by size class.
 void TrajectoryPlot::find_groups() {
   const std::vector<SizeClass> classes = classify_objects(spec_.objects);
   std::set<std::string> labels;
   for (const scene::ObjectSpec& object : spec_.objects)
     if (!object.fixed && !object.label.empty()) labels.insert(object.label);
-  has_size_classes_ =
-      (labels.empty() || labels.size() == 2) &&
+  const bool has_size_classes =
+      labels.empty() &&
       std::any_of(classes.begin(), classes.end(), [](SizeClass c) { return c != SizeClass::kNone; });
 
-  std::map<std::string, Group> groups;
+  std::map<std::string, Group, decltype(&is_naturally_less)> groups(&is_naturally_less);
   for (std::size_t i = 0; i < classes.size(); ++i) {
     if (spec_.objects[i].fixed) continue;
     std::string name = spec_.objects[i].label;
     if (name.empty())
       name = !labels.empty()                   ? "unlabelled"
-             : !has_size_classes_              ? "objects"
+             : !has_size_classes               ? "objects"
              : classes[i] == SizeClass::kSmall ? "small"
                                                : "large";
     Group& group = groups[name];
@@ -140,10 +187,30 @@ void TrajectoryPlot::find_groups() {
   }
   std::stable_sort(groups_.begin(), groups_.end(), [](const Group& a, const Group& b) {
     const bool a_last = a.name == "unlabelled", b_last = b.name == "unlabelled";
-    return a_last != b_last ? b_last : a.mean_size < b.mean_size;
+    return a_last != b_last ? b_last : static_cast<float>(a.mean_size) < static_cast<float>(b.mean_size);
   });
-  for (std::size_t i = 0; i < groups_.size(); ++i)
-    groups_[i].style = static_cast<int>(i % line_styles().size());
+  set_styles();
+}
+
+// The objects' own colours, if those of a group are equal, those of groups differ, and one at least is not
+// the default of its look.
+void TrajectoryPlot::set_styles() {
+  for (std::size_t i = 0; i < groups_.size(); ++i) groups_[i].style = line_styles()[i % line_styles().size()];
+  std::vector<scene::Colour> own;
+  bool is_chosen = false;
+  for (const Group& group : groups_) {
+    const scene::ObjectSpec& first = spec_.objects[group.objects.front()];
+    const auto look =
+        static_cast<std::size_t>(spec_.materials[static_cast<std::size_t>(first.material)].look);
+    is_chosen |= contrast(first.colour, scene::kLookColours[look]) > 0.0F;
+    for (const std::size_t i : group.objects)
+      if (contrast(spec_.objects[i].colour, first.colour) > 0.0F) return;
+    own.push_back(on_white(first.colour));
+    for (std::size_t i = 0; i + 1 < own.size(); ++i)
+      if (contrast(own[i], own.back()) < kMinContrast) return;
+  }
+  for (std::size_t i = 0; is_chosen && i < groups_.size(); ++i)
+    groups_[i].style.color = {own[i].r, own[i].g, own[i].b};
 }
 
 void TrajectoryPlot::collect_paths(const Recording& recording) {
@@ -213,17 +280,10 @@ void TrajectoryPlot::draw_surface(cairo_t* cr) const {
   rectangle(0.0);
   set_pen(cr, kGreyPen, 1.2);
   cairo_stroke(cr);
-  if (!has_size_classes_) return;
-  const double centre = chart_.px((outline.west + outline.east) / 2.0);
-  const double dots[] = {1.5, 3.0};
-  cairo_set_dash(cr, dots, 2, 0.0);
-  set_pen(cr, kGreyPen, 1.0);
-  draw_line(cr, centre, chart_.py(south + high), centre, chart_.py(south));
-  cairo_set_dash(cr, nullptr, 0, 0.0);
 }
 
 void TrajectoryPlot::draw_group(cairo_t* cr, const Group& group) const {
-  set_line_style(cr, line_styles()[group.style], 1.2, 0.75);
+  set_line_style(cr, group.style, 1.2, 0.75);
   for (const std::size_t i : group.objects) {
     for (const Point& point : paths_[i]) cairo_line_to(cr, chart_.px(point[0]), chart_.py(point[1]));
     cairo_stroke(cr);
@@ -232,7 +292,7 @@ void TrajectoryPlot::draw_group(cairo_t* cr, const Group& group) const {
 }
 
 void TrajectoryPlot::draw_marks(cairo_t* cr, const Group& group) const {
-  const Rgba ink = line_styles()[group.style].color;
+  const Rgba ink = group.style.color;
   for (const std::size_t i : group.objects) {
     if (paths_[i].empty()) continue;
     const Point from = paths_[i].front(), to = paths_[i].back();
@@ -243,19 +303,21 @@ void TrajectoryPlot::draw_marks(cairo_t* cr, const Group& group) const {
 
 void TrajectoryPlot::draw_legend(cairo_t* cr) const {
   const PlotArea& area = chart_.area();
-  const std::size_t columns = legend_columns();
+  const auto [columns, named, entries] = legend();
   const double column = area.width / static_cast<double>(columns);
-  for (std::size_t i = 0; i < groups_.size() + 2; ++i) {
+  for (std::size_t i = 0; i < entries; ++i) {
     const double x = area.left + column * static_cast<double>(i % columns);
     const double y = area.bottom() + kLegendOffset + kLegendRow * (static_cast<double>(i / columns) + 0.5);
-    const double text_x = x + (i < groups_.size() ? kLegendTextOffset : 24.0), middle = x + 12.0;
-    std::string text = i == groups_.size() ? "start" : "end";
-    if (i < groups_.size()) {
+    const double text_x = x + (i + 2 < entries ? kLegendTextOffset : 24.0), middle = x + 12.0;
+    std::string text = i + 2 == entries ? "start" : "end";
+    if (i < named) {
       text = legend_text(groups_[i]);
-      set_line_style(cr, line_styles()[groups_[i].style], 1.8, 1.0);
+      set_line_style(cr, groups_[i].style, 1.8, 1.0);
       draw_line(cr, x, y, x + 36.0, y);
       cairo_set_dash(cr, nullptr, 0, 0.0);
-    } else if (i == groups_.size()) {
+    } else if (i + 2 < entries) {
+      text = "… and " + std::to_string(groups_.size() - named) + " more";
+    } else if (i + 2 == entries) {
       draw_mark(cr, kBlack, [&] { draw_circle(cr, middle, y); });
     } else {
       draw_mark(cr, kBlack, [&] { draw_cross(cr, middle, y); });

@@ -1,7 +1,8 @@
 // Plots the trajectory of every object from above, as in Fig. 9 of the paper: solid lines for small and
 // dashed lines for large objects, O at the start and X at the end. Internal to this module.
 //
-// Each size class (SizeClasses.h) or label has its own line style, in order of mean size. `fixed` objects are
+// Each size class (SizeClasses.h) or label has its own line style, in order of mean size, then of names in
+// natural order. The lines have the objects' colours where these tell the groups apart. `fixed` objects are
 // not drawn.
 #pragma once
 
@@ -26,12 +27,19 @@ class TrajectoryPlot final : public Figure {
 
   struct Group {
     std::string name;
-    double mean_size = 0.0;            // u
-    int style = 0;                     // index into line_styles()
+    double mean_size = 0.0;  // u
+    LineStyle style;
     std::vector<std::size_t> objects;  // ids
   };
 
+  struct Legend {
+    std::size_t columns;
+    std::size_t named;    // the first groups; if there are more, the next entry counts them
+    std::size_t entries;  // with those for start and end
+  };
+
   void find_groups();
+  void set_styles();
   void collect_paths(const Recording& recording);
   bool is_off_surface(const Point& point) const;
   void draw_cells(cairo_t* cr) const;
@@ -40,13 +48,11 @@ class TrajectoryPlot final : public Figure {
   void draw_marks(cairo_t* cr, const Group& group) const;
   void draw_legend(cairo_t* cr) const;
   static std::string legend_text(const Group& group);
-  std::size_t legend_columns() const;
-  double legend_rows() const;
+  Legend legend() const;
 
   scene::SceneSpec spec_;
   std::string subtitle_;
   Chart chart_;
-  bool has_size_classes_ = false;
   std::vector<Group> groups_;
   std::vector<std::vector<Point>> paths_;  // one per object
 };

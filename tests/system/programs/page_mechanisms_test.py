@@ -17,7 +17,7 @@ const part = (id) => html.match(new RegExp(`<script[^>]* id="${id}">([^]*?)</scr
 for (const name of ['three', 'orbit', 'mechanisms', 'table'])
   fs.writeFileSync(name + '.mjs', part('module-' + name).replace(/from '(three\\/)?(three|orbit|mechanisms)'/g, "from './$2.mjs'"));
 const load = (name) => import(process.cwd() + '/' + name + '.mjs');
-const unpacking = part('module-player').split('const state')[0].replace(/^import.*$/m, '') + 'return { scene, series };';
+const unpacking = part('module-player').split('const state')[0].replace(/^import.*$/gm, '') + 'return { scene, series };';
 const AsyncFunction = (async () => {}).constructor;
 const { scene, series } = await new AsyncFunction('document', unpacking)({ getElementById: (id) => ({ textContent: part(id) }) });
 """

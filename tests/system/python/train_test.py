@@ -109,6 +109,20 @@ class Training(ExperimentTest):
             self.assertEqual(self.hash_of_run(script, self.folder / "one/policy.onnx"),
                              self.hash_of_run(script, self.folder / "one/policy.aps"))
 
+    def test_without_a_goal_there_is_no_success_rate(self):
+        endless = PLATE[:PLATE.index("success(")]
+        for source, rate in ((PLATE, r"[01]\.\d{4}"), (endless, "")):
+            path = self.script(source)
+            out = subprocess.run([os.environ["SMARTSURF"], "train", path, "--iterations", "1", "--candidates", "2", "--runs", "1",
+                                  "--test", "2", "-o", str(self.folder / "out")], capture_output=True, text=True, timeout=250)
+            self.assertEqual(out.returncode, 0, out.stderr[-2000:])
+            with open(self.folder / "out/curve.csv", newline="") as file:
+                (row,) = csv.DictReader(file)
+            for name in ("success_rate", "test_success_rate"):
+                self.assertRegex(row[name], f"^{rate}$")
+            self.assertRegex(out.stdout, r", best [-\d.e+]+, success \d+%, test [-\d.e+]+, \d+%\n" if rate else
+                             r", best [-\d.e+]+, test [-\d.e+]+\n")
+
     def test_a_policy_reads_every_component_of_a_channel(self):
         script = self.script(PLATE.replace("sensors = {", "skin = { kind = 'kinematic' },\n          sensors = { camera { resolution = 2 }, "
                                            "skin_height { resolution = 2 },"))

@@ -308,6 +308,36 @@ TEST(TimeSeries, ComponentsOfAChannel) {
             "--what channel:tip: no such channel; known: tip_force, x, speed");
 }
 
+TEST(TimeSeries, SaysHowToRecordAChannel) {
+  const OutputFolder out;
+  const Recording recording = record_two_trajectories(out / "run.h5");
+  const std::string file = (out / "run.h5").string();
+  const auto error_of = [](const Recording& of, const std::string& kind,
+                           const std::vector<std::string>& arguments) {
+    try {
+      time_series(of, kind, arguments);
+    } catch (const scene::InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const std::string sensors =
+      file + " holds no sensors: record { sensors = true } keeps those that the experiment declares";
+  EXPECT_EQ(error_of(recording, "pressure", {"5,5"}), "--what pressure: " + sensors);
+  EXPECT_EQ(error_of(recording, "tip_force[2]", {"5,5", "6,6"}), "--what tip_force[2]: " + sensors);
+  EXPECT_EQ(error_of(recording, "channel", {"pressure", "5,5"}), "--what channel:pressure: " + sensors);
+  EXPECT_EQ(error_of(recording, "hight", {"5,5"}), "--what hight: " + sensors + "; did you mean 'height'?");
+  const std::string commands = file + " holds no commands, which record { actuators = true } keeps";
+  EXPECT_EQ(error_of(recording, "command", {" height", "5,5"}), "--what command: " + commands);
+  EXPECT_EQ(error_of(recording, "channel", {"height", "5,5"}), "--what channel:height: " + commands);
+  EXPECT_NE(error_of(recording, "command", {" speed", "5,5"}).find("unknown kind of plot"),
+            std::string::npos);
+  EXPECT_NE(error_of(recording, "pressure", {}).find("unknown kind of plot"), std::string::npos);
+  EXPECT_NE(error_of(record_names(out / "names.h5"), "pressure", {"1,1"}).find("unknown kind of plot"),
+            std::string::npos)
+      << "the run recorded all its sensors";
+}
+
 TEST(Plot, NamesLikeKindsAndWithColons) {
   const OutputFolder out;
   const Recording recording = record_names(out / "run.h5");
@@ -375,6 +405,116 @@ TEST(TrajectoryPlot, LongLabelsHaveFewerColumns) {
     return figure.height() - figure.chart().area().bottom();
   };
   EXPECT_NEAR(record(std::string(60, 'm')) - record("small"), 3 * 22.0, 1e-9) << "five rows in place of two";
+}
+
+// Spheres of equal sizes, in rows of their own from the south, that move east by 20 u.
+struct Mover {
+  std::string label;
+  scene::Colour colour = {};
+  double radius = 1.0;
+};
+Recording record_movers(const OutputFolder& out, const std::vector<Mover>& movers) {
+  SyntheticRun run;
+  run.spec.surface = {};
+  run.spec.surface.rows = run.spec.surface.columns = 32;
+  run.spec.objects.clear();
+  std::vector<scene::ObjectId> ids;
+  for (const Mover& mover : movers) {
+    ids.push_back(static_cast<scene::ObjectId>(ids.size()));
+    run.add(scene::ShapeKind::kSphere, mover.label, mover.radius);
+    run.spec.objects.back().colour = mover.colour;
+  }
+  const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 0; t < 2; ++t) {
+    scene::Snapshot shot = run.snapshot_at(t, ids);
+    for (std::size_t i = 0; i < ids.size(); ++i)
+      shot.position[i] = {5.0F + 20.0F * static_cast<float>(t), 2.0F + 4.0F * static_cast<float>(i), 3.0F};
+    recorder->record_frame(shot, run.spec.objects);
+  }
+  recorder->close({.outcome = "done"});
+  return Recording::open(out / "run.h5");
+}
+TrajectoryPlot plot_movers(const OutputFolder& out, const std::vector<Mover>& movers) {
+  const Recording recording = record_movers(out, movers);
+  write_plot(recording, "trajectories", out / "figure.png");
+  return TrajectoryPlot(recording);
+}
+
+TEST(TrajectoryPlot, LinesHaveTheColoursOfTheObjects) {
+  const OutputFolder out;
+  const scene::Colour orange{1.0F, 0.5F, 0.0F}, blue{0.1F, 0.2F, 1.0F}, white{1.0F, 1.0F, 1.0F};
+  const auto colours = [&](const std::vector<Mover>& movers) {
+    const TrajectoryPlot figure = plot_movers(out, movers);
+    const Image image(out / "figure.png");
+    std::string seen;
+    for (std::size_t i = 0; i < movers.size(); ++i) {
+      const double x = figure.chart().px(5.0) + 11.0,
+                   y = figure.chart().py(2.0 + 4.0 * static_cast<double>(i));
+      seen += image.is_blue(x, y)                 ? 'b'
+              : image.is_orange(x, y)             ? 'o'
+              : image.pixel_at(x, y) == 0xFFFFFFu ? ' '
+                                                  : '?';
+    }
+    return seen;
+  };
+  EXPECT_EQ(colours({{"a", orange}, {"b", blue}}), "ob");
+  EXPECT_EQ(colours({{"a", blue}, {"b", orange}}), "bo");
+  EXPECT_EQ(colours({{"a", orange}}), "o");
+  EXPECT_EQ(colours({{"a", orange}, {"b", white}}), "o?") << "white lines are drawn grey";
+  EXPECT_EQ(colours({{"a"}, {"b", blue}}), "ob") << "the default is amber";
+  // Those of the figure.
+  EXPECT_EQ(colours({{"a"}, {"b"}}), "bo");
+  EXPECT_EQ(colours({{"a"}}), "b");
+  EXPECT_EQ(colours({{"a", orange}, {"b", orange}}), "bo");
+  EXPECT_EQ(colours({{"a", orange}, {"b", blue}, {"a", white}}), "bob");
+}
+
+TEST(TrajectoryPlot, EqualSizesAreInNaturalOrder) {
+  const OutputFolder out;
+  for (const std::string prefix : {"class ", "", "Klasse 3."}) {
+    const TrajectoryPlot figure = plot_movers(out, {{prefix + "10"}, {prefix + "2"}});
+    const Image image(out / "figure.png");
+    EXPECT_TRUE(image.is_orange(figure.chart().px(5.0) + 11.0, figure.chart().py(2.0))) << prefix;
+    EXPECT_TRUE(image.is_blue(figure.chart().px(5.0) + 11.0, figure.chart().py(6.0))) << prefix;
+  }
+  const TrajectoryPlot figure = plot_movers(out, {{"10", {}, 1.0}, {"2", {}, 1.5}});
+  EXPECT_TRUE(Image(out / "figure.png").is_blue(figure.chart().px(5.0) + 11.0, figure.chart().py(2.0)))
+      << "sizes come first";
+}
+
+TEST(TrajectoryPlot, TwoLabelsDivideNoTable) {
+  const OutputFolder out;
+  const TrajectoryPlot figure = plot_movers(out, {{"a", {}, 1.0}, {"b", {}, 2.0}});
+  const Image image(out / "figure.png");
+  const Chart& chart = figure.chart();
+  for (double y = 12.0; y < 30.0; y += 0.05)
+    for (double away = -1.0; away <= 1.0; away += 0.5)
+      ASSERT_EQ(image.pixel_at(chart.px(15.5) + away, chart.py(y)), 0xFFFFFFu) << y;
+}
+
+TEST(TrajectoryPlot, LegendsFit) {
+  const OutputFolder out;
+  const auto rows = [&](std::size_t labels, std::size_t length = 3) {
+    std::vector<Mover> movers;
+    for (std::size_t i = 0; i < labels; ++i)
+      movers.push_back({std::string(length - 3, 'm') + std::to_string(100 + i)});
+    const TrajectoryPlot figure(record_movers(out, movers));
+    return std::lround((figure.height() - figure.chart().area().bottom() - 48.0 - 8.0) / 22.0);
+  };
+  EXPECT_EQ(rows(2), 1);
+  EXPECT_EQ(rows(3), 2);
+  EXPECT_EQ(rows(30), 8);
+  EXPECT_EQ(rows(34), 9) << "a third of the plot";
+  EXPECT_EQ(rows(35), 9);
+  EXPECT_EQ(rows(200), 9);
+  EXPECT_EQ(rows(50, 60), 9) << "of one column";
+
+  const TrajectoryPlot figure = plot_movers(out, {{"a"}, {"b"}, {"c"}});
+  const PlotArea& area = figure.chart().area();
+  EXPECT_LT(
+      Image(out / "figure.png").pixel_at(area.left + area.width / 3.0 + 12.0, area.bottom() + 48.0 + 33.0),
+      0x404040u)
+      << "the end is beside the start, not in a row of its own";
 }
 
 class ChartFile : public testing::Test {
