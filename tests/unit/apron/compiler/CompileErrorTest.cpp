@@ -219,6 +219,8 @@ constexpr Wrong kWrong[] = {
      "main.aps:8:6: error: the jump to '#in' leads past line 9, which sets the argument '$a'"},
     {"!macro_def|m($a)|!macro_begin|:t = $a|#in|println(:t)|!macro_end|x = 1|m(x)|if(surface.tick)|call(#in)|endif",
      "main.aps:11:6: error: the call of '#in' leads past line 4, which sets the local name ':t'"},
+    {"!macro_def|m($a)|!macro_begin|n = 1|#in|if(surface.tick)|:t = 1|endif|println(:t)|!macro_end|n = 2|jump(#in)|m(1)",
+     "main.aps:12:6: error: the jump to '#in' leads past line 7, which sets the local name ':t'"},
     {"!register(A)|repeat(3)|where(A)|break|endwhere|endrepeat",
      "main.aps:4:1: error: 'break' may not leave a 'where'"},
     {"!register(A)|where(A)|return|endwhere",
