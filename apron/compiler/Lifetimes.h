@@ -22,6 +22,8 @@ struct Temporary {
   std::size_t first = 0,
               last = kNone;   // instructions of its life, which others of the same storage do not share
   std::size_t entry = kNone;  // of a macro's local name: the instruction where the body begins
+
+  bool starts_at_entry() const noexcept { return first == entry; }
 };
 
 class Lifetimes {

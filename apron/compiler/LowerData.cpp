@@ -1,6 +1,7 @@
 // Random numbers, the register stack, elements by index, plugins, image sequences, cameras and windows.
 
 #include <algorithm>
+#include <cmath>
 
 #include "apron/compiler/Lowering.h"
 #include "apron/compiler/PaletteCheck.h"
@@ -43,6 +44,10 @@ Value Lowering::lower_random(const Builtin& builtin, const Expressions& argument
   }
   const Value a = lower_scalar(arguments[0], kWhat);
   const Value b = lower_scalar(arguments[1], kWhat);
+  if (builtin.op == Opcode::kRandomInt && a.is_constant() && b.is_constant() &&
+      !(std::ceil(a.constant) <= std::floor(b.constant)))
+    fail(location, "there is no whole number from {} to {}", static_cast<float>(a.constant),
+         static_cast<float>(b.constant));
   if (builtin.form == BuiltinForm::kRandom) return emit_random(builtin.op, a, b, destination);
   const bool saved = is_register_statement_;
   Shape shape;

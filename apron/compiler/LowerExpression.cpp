@@ -240,6 +240,11 @@ Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Lo
   if (is_saturated && std::ranges::none_of(values, &Value::is_register))
     fail(location, "'{}' takes a register of integers, and these are numbers",
          program::opcode_info(op).mnemonic);
+  if (op >= Opcode::kBitAnd && op <= Opcode::kBitRight && std::ranges::none_of(values, &Value::is_register))
+    for (const Value& value : values)
+      if (value.is_constant() && value.constant != std::floor(value.constant))
+        fail(location, "'{}' takes whole numbers, and {} has a fraction{}", program::opcode_info(op).mnemonic,
+             static_cast<float>(value.constant), op == Opcode::kBitXor ? "; a power is pow(a, b)" : "");
   if (std::ranges::all_of(values, &Value::is_constant)) {
     std::array<double, program::kMaxOperands> in{};
     std::ranges::transform(values, in.begin(), &Value::constant);

@@ -86,7 +86,10 @@ void Lowering::lower_switch(const Expressions& arguments, Location location) {
   parameter.is_switch = true;
   parameter.name = string_literal(arguments[0], "a name");
   if (arguments.size() == 2)
-    parameter.default_value = number_constant(arguments[1], "a switch's first value") != 0.0F ? 1.0F : 0.0F;
+    parameter.default_value = number_constant(arguments[1], "a switch's first value");
+  if (parameter.default_value != 0.0F && parameter.default_value != 1.0F)
+    fail(location, "the first value of the switch '{}' is 0 or 1, not {}", parameter.name,
+         parameter.default_value);
   add_parameter(std::move(parameter), location);
 }
 

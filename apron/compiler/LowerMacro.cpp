@@ -312,21 +312,23 @@ Value Lowering::where_condition(const Value& mask) {
 // A macro's local name gets its kind from its first write and lives until the macro ends.
 Value Lowering::create_macro_local(const Expression& target, bool is_register, Shape shape) {
   Symbol fresh{{}, target.location, true, display_name(target.text), false};
+  const auto scope = std::ranges::find_if(scopes_, [&](const auto& entry) {
+    return entry.first == target.owner || entry.second.result_name == target.text;
+  });
   if (is_register) {
     const std::optional<std::size_t> base = mask_base(target);
+    // In a loop it keeps the cells of earlier rounds, so that only the builder can set it to 0.
+    const bool runs_once = scope == scopes_.end() || builder_.is_straight_since(scope->second.body);
     check_where_shape(shape, target.location, base);
     fresh.value = retained(builder_.allocate_temporary(shape));
     if (base) set_mask_base(fresh.value, base);
-    if (base ? !conditions_since(base).empty() : may_be_masked())
+    if (runs_once && (base ? !conditions_since(base).empty() : may_be_masked()))
       builder_.emit(Opcode::kCopy, builder_.operand(fresh.value), {builder_.literal_operand(0.0F)}, false);
   } else {
     fresh.value = retained(builder_.allocate_scalar_temporary());
   }
   symbols_.add(target.text, fresh);
   builder_.describe(fresh.value, fmt::format("the local name '{}'", fresh.name));
-  const auto scope = std::ranges::find_if(scopes_, [&](const auto& entry) {
-    return entry.first == target.owner || entry.second.result_name == target.text;
-  });
   if (scope != scopes_.end()) {
     builder_.set_local(fresh.value, scope->second.body);
     program::LocalName unwritten = local_name(fresh.name);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <iterator>
 #include <utility>
 
 #include "apron/program/Reachability.h"
@@ -229,10 +230,11 @@ program::Program ProgramBuilder::finish() {
   resolve_labels();
   check_openings();
   const Lifetimes lifetimes(program_, temporaries_, keeps_cells_);
+  begin_lives(lifetimes);
   check_values(lifetimes);
   check_recursion(lifetimes);
   separate_temporaries(lifetimes);
-  start_locals(lifetimes);
+  start_locals();
   resolve_temporaries();
   return std::move(program_);
 }
@@ -277,8 +279,7 @@ void ProgramBuilder::check_values(const Lifetimes& lifetimes) const {
       const auto& [storage, is_register, first, last, body] = temporaries_[number];
       const bool is_inside = first <= entry.position && entry.position < last;
       if (is_inside || target <= first || target >= last || !lifetimes.is_needed(number, target)) continue;
-      const std::size_t opening = lifetimes.is_read_first(number) ? body : first;
-      if (!reached_past(opening, last)[entry.position]) continue;
+      if (!reached_past(first, last)[entry.position]) continue;
       const auto found = descriptions_.find(number);
       fail(entry.location, "{} leads past line {}, which sets {}", entry.message,
            temporary_locations_[number].line,
@@ -299,22 +300,64 @@ void ProgramBuilder::check_recursion(const Lifetimes& lifetimes) const {
   }
 }
 
+// A local name that starts at 0 lives from there on, before the program names it.
+void ProgramBuilder::begin_lives(const Lifetimes& lifetimes) {
+  for (std::uint32_t number = 0; number < temporaries_.size(); ++number)
+    if (lifetimes.is_read_first(number)) temporaries_[number].first = temporaries_[number].entry;
+}
+
+// No two temporaries of a storage live at the same time, and one that code outside may overwrite has its own.
 void ProgramBuilder::separate_temporaries(const Lifetimes& lifetimes) {
-  for (std::uint32_t number = 0; number < temporaries_.size(); ++number) {
-    if (!lifetimes.is_left(number)) continue;
+  std::map<bool, std::map<std::uint32_t, std::map<std::size_t, std::size_t>>> lives;  // first to last
+  const auto move_to_new = [&](std::uint32_t number) {
     Temporary& temporary = temporaries_[number];
     location_ = temporary_locations_[number];
     const std::string name = fmt::format("${}", temporary_count_++);
     const Value value{Value::Kind::kRegister, temporary.storage};
     temporary.storage = temporary.is_register ? add_register(name, shape(value)) : add_variable(name);
+  };
+  for (std::uint32_t number = 0; number < temporaries_.size(); ++number) {
+    if (lifetimes.is_left(number)) {
+      move_to_new(number);
+      continue;
+    }
+    const Temporary& temporary = temporaries_[number];
+    auto& shared = lives[temporary.is_register][temporary.storage];
+    if (!temporary.starts_at_entry()) shared[temporary.first] = temporary.last;
+  }
+  for (std::uint32_t number = 0; number < temporaries_.size(); ++number) {
+    Temporary& temporary = temporaries_[number];
+    if (!temporary.starts_at_entry() || lifetimes.is_left(number)) continue;
+    auto& storages = lives[temporary.is_register];
+    // The instruction after its life may read it, and may write only what shared the storage before.
+    const auto is_free = [&](std::uint32_t storage, const auto& others) {
+      const auto after = storage == temporary.storage ? others.lower_bound(temporary.last)
+                                                      : others.upper_bound(temporary.last);
+      return after == others.begin() || std::prev(after)->second <= temporary.first;
+    };
+    const auto shape_of = [&](std::uint32_t storage) {
+      return temporary.is_register ? shape({Value::Kind::kRegister, storage}) : Shape{};
+    };
+    const auto fits = [&](const auto& candidate) {
+      return shape_of(candidate.first) == shape_of(temporary.storage) &&
+             is_free(candidate.first, candidate.second);
+    };
+    if (!is_free(temporary.storage, storages[temporary.storage])) {
+      const auto found = std::ranges::find_if(storages, fits);
+      if (found != storages.end())
+        temporary.storage = found->first;
+      else
+        move_to_new(number);
+    }
+    storages[temporary.storage][temporary.first] = temporary.last;
   }
 }
 
 // Local names start at 0 in place of the mark where their body begins.
-void ProgramBuilder::start_locals(const Lifetimes& lifetimes) {
+void ProgramBuilder::start_locals() {
   std::map<std::size_t, std::vector<std::uint32_t>> started;
   for (std::uint32_t number = 0; number < temporaries_.size(); ++number)
-    if (lifetimes.is_read_first(number)) started[temporaries_[number].entry].push_back(number);
+    if (temporaries_[number].starts_at_entry()) started[temporaries_[number].entry].push_back(number);
   std::vector<program::Instruction> code;
   code.reserve(program_.code.size());
   const Operand zero = started.empty() ? Operand{} : literal_operand(0.0);

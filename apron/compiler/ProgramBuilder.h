@@ -91,6 +91,8 @@ class ProgramBuilder {
   // Marks where a macro's body begins. A local name that it reads before it writes is 0 from there on.
   std::size_t begin_body();
   void set_local(const Value&, std::size_t body);
+  // True if no path from where the body begins leads here twice.
+  bool is_straight_since(std::size_t body) const noexcept { return last_label_position_ <= body; }
   // Names the holder of the value, for the message that a recursion would overwrite it.
   void describe(const Value&, std::string description);
 
@@ -153,8 +155,9 @@ class ProgramBuilder {
   void check_openings() const;
   void check_values(const Lifetimes&) const;
   void check_recursion(const Lifetimes&) const;
+  void begin_lives(const Lifetimes&);
   void separate_temporaries(const Lifetimes&);
-  void start_locals(const Lifetimes&);
+  void start_locals();
   void resolve_temporaries();
   static std::optional<std::uint32_t> take_lowest(std::vector<std::uint32_t>& free);
   void append(program::Opcode, program::Operand destination, const std::vector<program::Operand>&,

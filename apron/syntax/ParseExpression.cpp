@@ -88,7 +88,7 @@ class Parser::DepthGuard {
   Parser& parser_;
 };
 
-Location Parser::current_location() const { return at_end() ? line_end_ : cursor_->location; }
+Location Parser::current_location() const { return at_end() ? line_end_ : place(*cursor_); }
 
 bool Parser::consume(std::string_view symbol) {
   if (at_end() || !cursor_->is(symbol)) return false;

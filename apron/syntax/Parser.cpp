@@ -72,8 +72,7 @@ void Parser::parse_line(const Line& line, std::vector<Statement>& out) {
   line_begin_ = line.location;
   cursor_ = line.tokens.begin();
   end_ = line.tokens.end();
-  line_end_ = line.tokens.back().location;
-  line_end_.column += static_cast<std::uint32_t>(spelling(line.tokens.back()).size());
+  line_end_ = line.end;
   try {
     out.push_back(parse_statement());
   } catch (const SyntaxError& error) {

@@ -105,7 +105,9 @@ void Preprocessor::pop_frame(PreprocessedItem& item) {
 bool Preprocessor::process_line(PreprocessedItem& item) {
   InputFrame& frame = frames_.back();
   Line line = (*frame.lines)[frame.next_line++];
-  line.location.expansion = frame.expansion;
+  line.end = line.tokens.back().location;
+  line.end.column += static_cast<std::uint32_t>(spelling(line.tokens.back()).size());
+  line.location.expansion = line.end.expansion = frame.expansion;
   const bool is_directive = line.tokens.front().kind == TokenKind::kDirective;
   if (is_directive && handle_conditional(line.tokens)) return false;
   if (!is_active()) return false;
@@ -206,8 +208,12 @@ void Preprocessor::substitute(Tokens& tokens, const InputFrame& frame) const {
   out.reserve(tokens.size());
   for (const Token& token : tokens) {
     const std::size_t first = out.size();
-    if (!substitute(token, frame, out)) out.push_back(token);
-    for (std::size_t i = first; i < out.size(); ++i) out[i].location.expansion = frame.expansion;
+    const bool is_replaced = substitute(token, frame, out);
+    if (!is_replaced) out.push_back(token);
+    for (std::size_t i = first; i < out.size(); ++i) {
+      if (is_replaced) out[i].parameter = token.location;
+      out[i].location.expansion = out[i].parameter.expansion = frame.expansion;
+    }
   }
   tokens = std::move(out);
 }
@@ -316,7 +322,10 @@ bool Preprocessor::expand_defines(const Tokens& tokens, Tokens& out, std::set<st
     }
     const std::string name = found->first;
     Tokens body = found->second;
-    for (Token& body_token : body) body_token.location = token.location;  // errors are reported at the use
+    for (Token& body_token : body) {  // errors are reported at the use
+      body_token.location = token.location;
+      body_token.parameter = token.parameter;
+    }
     const bool parenthesize = !body.empty() && body.size() > 1 && needs_parentheses(body);
     if (parenthesize) out.push_back(make_punctuator("(", token.location));
     hide_set.insert(name);

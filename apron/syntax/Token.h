@@ -29,6 +29,8 @@ struct Token {
   double number = 0.0;
   bool no_expand = false;   // a name that resulted from its own define is not expanded again
   std::uint32_t owner = 0;  // of a macro's local name: the number of the expansion that it belongs to
+  // Of what replaces a parameter or a local name: where the body writes that; else line 0.
+  Location parameter = {};
 
   bool is(std::string_view symbol) const { return kind == TokenKind::kPunctuator && text == symbol; }
   bool is_name(std::string_view name) const { return kind == TokenKind::kName && text == name; }
@@ -36,10 +38,16 @@ struct Token {
 
 using Tokens = std::vector<Token>;
 
+// Where the token stands in its line, be it replaced or not.
+inline const Location& place(const Token& token) {
+  return token.parameter.line != 0 ? token.parameter : token.location;
+}
+
 struct Line {
   Location location;       // of its first token in the source, before replacement
   Tokens tokens;           // never empty
   bool has_error = false;  // already reported; the tokens end before the error
+  Location end = {};       // behind its last token, of one that is being parsed
 };
 
 // The `=` of an assignment, outside brackets; `last` if there is none.

@@ -1,12 +1,16 @@
 // Random programs of functions compute what a plain interpreter in this file computes: values and registers
-// as parameters, which functions write in any way, local names, arrays with constant and computed indices,
+// as parameters, which functions write in any way, local names, also those that no line or only some paths
+// have written before, loops, arrays with constant and computed indices,
 // matrix products, masks within and around calls. In any layout, and formatted, they compile to the same
 // instructions. The check of bodies that are not called accepts them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
+#include <iterator>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -114,10 +118,15 @@ class RandomFunctions {
   // A function without them copies no parameter that it does not write.
   static bool takes_registers(int function) { return function > 0; }
 
+  void note_write(const std::string& name) {
+    if (name[0] == 'c') named_.insert(name);
+  }
+
   unsigned below(unsigned n) { return rng_() % n; }
 
   void add_function(int number) {
     functions_ = number;
+    named_.clear();
     Statements body;
     body.text = "!register(t2, h[3])\n";
     const auto set = [&](const std::string& name, const Value& value) {
@@ -139,13 +148,19 @@ class RandomFunctions {
     to.run.push_back([what = std::move(what)](Scope& scope) { what(scope); });
   }
 
+  // The c names are first written anywhere, so that most have no value on some path.
   std::string target() {
+    if (below(3) == 0) return below(2) == 0 ? "c0" : "c1";
     static const char* const kTargets[] = {"t0", "t1", "t2", "a", "b", "h[0]", "h[2]", "r", "q[1]"};
     return kTargets[below(takes_registers(functions_) ? 9 : 7)];
   }
 
   void add_statement(Statements& body, int depth) {
-    switch (below(depth < 2 ? 13 : 4)) {
+    switch (below(depth < 2 ? 15 : 4)) {
+      case 13:
+        return add_rounds(body, depth);
+      case 14:
+        return add_number(body);
       case 4:
       case 5:
         return add_where(body, depth);
@@ -180,6 +195,7 @@ class RandomFunctions {
         const Value value = expression(2, true);
         body.text += name + " = " + value.text + "\n";
         body.run.emplace_back([=](Scope& scope) { scope.write(name, value.compute(scope)); });
+        note_write(name);
       }
     }
   }
@@ -240,6 +256,39 @@ class RandomFunctions {
     });
   }
 
+  // A loop around conditions and where blocks.
+  void add_rounds(Statements& body, int depth) {
+    const std::string j = "j" + std::to_string(depth);
+    const std::string heads[] = {"repeat(2)\n", "for(" + j + ", 1, 2)\n",
+                                 j + " = 2\nwhile(" + j + " > 0)\n" + j + " = " + j + " - 1\n"};
+    static const char* const kEnds[] = {"endrepeat\n", "endfor\n", "endwhile\n"};
+    const unsigned kind = below(3);
+    Statements round;
+    for (unsigned i = 1 + below(2); i > 0; --i) {
+      if (below(2) == 0)
+        add_where(round, 1);
+      else
+        add_condition(round, 1);
+    }
+    body.text += heads[kind] + round.text + kEnds[kind];
+    body.run.emplace_back([=](Scope& scope) {
+      round(scope);
+      round(scope);
+    });
+  }
+
+  // A number that some paths write, after others are computed.
+  void add_number(Statements& body) {
+    const int limit = static_cast<int>(5 + below(20));
+    body.text +=
+        "if((n + 1) * (n + 2) > " + std::to_string(limit) + ")\nm = n + 1\nendif\nn = mod(n + m, 5)\n";
+    body.run.emplace_back([=](Scope& scope) {
+      float &n = scope.numbers["n"], &m = scope.numbers["m"];
+      if ((n + 1) * (n + 2) > static_cast<float>(limit)) m = n + 1;
+      n = std::fmod(n + m, 5.0F);
+    });
+  }
+
   // A loop at run time or at compile time over an array of the function or of the caller.
   void add_loop(Statements& body) {
     const std::string array = !takes_registers(functions_) || below(2) == 0 ? "h" : "q";
@@ -278,10 +327,13 @@ class RandomFunctions {
 
   void add_condition(Statements& body, int depth) {
     Statements yes, no;
+    const int limit = 1 + static_cast<int>(below(4));
     add_statement(yes, depth + 1);
     add_statement(no, depth + 1);
-    body.text += "n = n + 1\nif(n > 2)\n" + yes.text + "else\n" + no.text + "endif\n";
-    body.run.emplace_back([=](Scope& scope) { (++scope.numbers["n"] > 2 ? yes : no)(scope); });
+    body.text +=
+        "n = n + 1\nif(n > " + std::to_string(limit) + ")\n" + yes.text + "else\n" + no.text + "endif\n";
+    body.run.emplace_back(
+        [=](Scope& scope) { (++scope.numbers["n"] > static_cast<float>(limit) ? yes : no)(scope); });
   }
 
   void add_call(Statements& body) {
@@ -296,6 +348,7 @@ class RandomFunctions {
       scope.write(
           to, apply(scope, function, a.compute(scope), b.compute(scope), scope.numbers["n"], lent, array));
     });
+    note_write(to);
   }
 
   Value expression(int depth, bool with_locals) {
@@ -343,7 +396,10 @@ class RandomFunctions {
   Value leaf(bool with_locals) {
     static const char* const kNames[] = {"r", "q[2]", "a", "b", "A", "t0", "t1", "t2", "h[1]"};
     const unsigned first = takes_registers(functions_) ? 0 : 2;
-    const std::string name = kNames[first + below((with_locals ? 9 : 5) - first)];
+    const bool is_named = with_locals && !named_.empty() && below(4) == 0;
+    const std::string name = is_named
+                                 ? *std::next(named_.begin(), below(static_cast<unsigned>(named_.size())))
+                                 : kNames[first + below((with_locals ? 9 : 5) - first)];
     if (name == "A") return {name, [this](Scope&) { return shared; }};
     return {name, [name](Scope& scope) { return scope.at(name); }};
   }
@@ -354,6 +410,7 @@ class RandomFunctions {
  private:
   std::mt19937 rng_;
   std::vector<Statements> bodies_;
+  std::set<std::string> named_;  // of c0 and c1: those that a line before writes
   int functions_ = 0;
 };
 

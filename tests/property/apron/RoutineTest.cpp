@@ -1,5 +1,6 @@
 // Random programs of routines that call each other within loops, conditions and macros compute what a plain
-// interpreter in this file computes: a routine changes nothing that its callers hold.
+// interpreter in this file computes: a routine changes nothing that its callers hold, and a local name that
+// no path has written is 0 whatever ran before.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -29,7 +30,13 @@ class RandomRoutines {
   explicit RandomRoutines(unsigned seed) : rng_(seed) {
     text =
         "!macro_def\nkeep($y, $a)\n!macro_begin\n:t = $a * 2\ncall(#r1)\n$y = mod($y + :t, 97)\n!macro_end\n"
-        "function y = called(number a)\nif(a > 5)\nt = a\nendif\ncall(#r1)\ny = t + a\nendfunction\n";
+        "function y = called(number a)\nif(a > 5)\nt = a\nendif\ncall(#r1)\ny = t + a\nendfunction\n"
+        "!macro_def\n$y = late($a)\n!macro_begin\ncall(#r1)\nif($a > 5)\n:t = $a + 1\nendif\n$y = "
+        ":t\n!macro_end\n"
+        "function y = inner(number a)\nz = (a + 2) * (a + 1)\nif(z > 20)\ny = z - a * 2\nendif\nendfunction\n"
+        "function y = early(number a)\nz = (mod(a, 5) + 1) * (mod(a, 3) + 2)\nif(z > 9)\nt = z * 2\nendif\n"
+        "while(z > 5)\nz = z - 4\nif(inner(z) > 8)\nu = (z + 1) * 2\nendif\nendwhile\ny = t + "
+        "u\nendfunction\n";
     for (int i = 0; i < kScalars; ++i) text += "s" + std::to_string(i) + " = " + std::to_string(i + 1) + "\n";
     main_ = block(0, 3, false);
     for (int i = 0; i < kScalars; ++i) text += "println(s" + std::to_string(i) + ")\n";
@@ -96,7 +103,7 @@ class RandomRoutines {
     const int y = below(kScalars);
     const std::string target = "s" + std::to_string(y);
     const Number a = number(2);
-    const int kind = below(level < kRoutines ? 9 : 6);
+    const int kind = below(level < kRoutines ? 11 : 6);
     if (depth > 0 && kind == 0) {
       text += "repeat(mod(" + a.text + ", 4))\n";
       const Run body = block(level, depth - 1, true);
@@ -149,11 +156,41 @@ class RandomRoutines {
         return Flow::kNext;
       };
     }
+    if (kind == 9 && level == 0) {
+      text += target + " = mod(" + target + " * 3 + late(" + a.text + " + 0), 97)\n";
+      return [this, a, y] {
+        const int product = s_[y] * 3, argument = a.value();
+        call(1);
+        s_[y] = mod(product + (argument > 5 ? argument + 1 : 0), 97);
+        return Flow::kNext;
+      };
+    }
+    if (kind == 10 && level == 0) {
+      text += target + " = mod(" + target + " + early(" + a.text + "), 97)\n";
+      return [this, a, y] {
+        s_[y] = mod(s_[y] + early(a.value()), 97);
+        return Flow::kNext;
+      };
+    }
     text += target + " = mod(" + a.text + ", 97)\n";
     return [this, a, y] {
       s_[y] = mod(a.value(), 97);
       return Flow::kNext;
     };
+  }
+
+  static int inner(int a) {
+    const int z = (a + 2) * (a + 1);
+    return z > 20 ? z - a * 2 : 0;
+  }
+  static int early(int a) {
+    int z = (mod(a, 5) + 1) * (mod(a, 3) + 2), u = 0;
+    const int t = z > 9 ? z * 2 : 0;
+    while (z > 5) {
+      z -= 4;
+      if (inner(z) > 8) u = (z + 1) * 2;
+    }
+    return t + u;
   }
 
   Flow call(int routine) {

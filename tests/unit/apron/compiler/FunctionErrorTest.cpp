@@ -178,6 +178,19 @@ TEST(Function, DeclaresRegistersOfAnyType) {
 }
 
 // A result that the last line writes goes to the caller's register; nothing is copied.
+TEST(Function, LocalsThatStartAtZeroShareStorage) {
+  const std::string function =
+      "function y = g(plane a)\nz = globalmax((a + 1) * (a + 2))\nif(z > 9)\nD = a * 3\nendif\ny = a + "
+      "D\nendfunction\n"
+      "!register(A)\n";
+  std::string text = function;
+  for (int i = 0; i < 50; ++i) text += "A = g(A)\n";
+  const CompileResult one = compile_text(function + "A = g(A)\n"), many = compile_text(text);
+  ASSERT_TRUE(one.program && many.program) << errors(many);
+  EXPECT_EQ(many.program->registers.size(), one.program->registers.size());
+  EXPECT_EQ(many.program->variables.size(), one.program->variables.size());
+}
+
 TEST(Function, CostsWhatItsLinesCost) {
   EXPECT_EQ(listing(compile_text(kHead + "A = f(B, 2)")), "mul A, B, 2\nend\n");
   EXPECT_EQ(listing(compile_text(kHead + "where(B)\nA = f(B, 2)\nendwhere")),

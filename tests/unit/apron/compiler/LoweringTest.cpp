@@ -252,6 +252,8 @@ TEST(Listing, RefusesARecursionThatOverwritesWhatItsCallerHolds) {
   const std::string uses = "!macro_end\nd = 0\ncall(#f)\nend\n#f\nd = d + 1\nif(d < 5)\nm(d)\nendif\nreturn";
   EXPECT_EQ(error(macro + "d = :t\n" + uses),
             "main.aps:5:1: " + back + "the local name ':t' of line 4" + told);
+  EXPECT_EQ(error("!macro_def\nm($a)\n!macro_begin\ncall(#f)\nif($a > 2)\n:t = $a\nendif\nd = :t\n" + uses),
+            "main.aps:4:1: " + back + "the local name ':t' of line 6" + told);
   // The local name is not read after the call.
   EXPECT_EQ(error(macro + uses), "");
   EXPECT_EQ(error("d = 0\ncall(#f)\nend\n#f\nd = d + 1\ncallif(d < 5, #f)\nrepeat(2)\nd = d + 1\nendrepeat\n"

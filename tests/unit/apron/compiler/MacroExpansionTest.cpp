@@ -113,6 +113,30 @@ TEST(Macro, ErrorsShowExpansionChain) {
             "  note: in expansion of macro 'outer' at main.aps:3:5\n");
 }
 
+TEST(Macro, SyntaxErrorsNameTheLineOfTheBody) {
+  EXPECT_EQ(
+      errors(compile_text("function y = scale(plane a, number k)\n  y = a k\nendfunction\n!register(A)\n\n"
+                          "A = scale(cell.x, 3)\n")),
+      "main.aps:2:9: error: unexpected '3'\n"
+      "      y = a k\n"
+      "            ^\n"
+      "  note: in the call of function 'scale' at main.aps:6:5\n");
+  EXPECT_EQ(errors(compile_text(macro("$y = f($a, $b)", "$y = g($a, $b)") +
+                                macro("$y = g($a, $b)", ":t = 1\n$y = :t $b") + "n = 4\nk = f(n, n)\n")),
+            "main.aps:10:9: error: unexpected 'n'; a statement ends with its line\n"
+            "    $y = :t $b\n"
+            "            ^\n"
+            "  note: in expansion of macro 'g' at main.aps:4:6\n"
+            "  note: in expansion of macro 'f' at main.aps:13:5\n");
+  EXPECT_EQ(first_line(errors(compile_text(macro("$y = f($a)", "$y = 2 + ($a") + "k = f(1)\n"))),
+            "main.aps:4:13: error: expected ')' before the end of the line");
+  // An argument of another kind than the body needs is the caller's mistake.
+  EXPECT_EQ(
+      first_line(errors(compile_text(macro("$y = f($a)", "$y = $a + 1") + "k = f(Missing)\n"))),
+      "main.aps:6:7: error: 'Missing' is not a register, and no line writes it as a scalar; before it is "
+      "read, !register(Missing) or Missing = 0 makes it one");
+}
+
 TEST(Macro, ErrorsInFunctionsShowTheirCall) {
   EXPECT_EQ(errors(compile_text("function f(a)\nx = Missing\nendfunction\nf(1)\n")),
             "main.aps:2:5: error: 'Missing' is not a register, and no line writes it as a scalar; before it "
