@@ -111,8 +111,9 @@ struct SupportPatch {
   double tangent_mass = 0.0;                          // of one sample
   double friction_sum[3] = {};                        // applied: force along x and y, torque about z
   // Elastic patches only: the sum of the applied loads and their moments Σ N·(1, x, y); the velocity of the
-  // face at (x, y) as a + b·x + c·y, at the end of the last substep and of the solve stage.
-  double spring_wrench[3] = {}, last_motion[3] = {}, solve_motion[3] = {};
+  // face at (x, y) as a + b·x + c·y, at the start of the step, the end of the last substep and of the solve
+  // stage.
+  double spring_wrench[3] = {}, start_motion[3] = {}, last_motion[3] = {}, solve_motion[3] = {};
   double implicit_share = 0.0;  // w in solver/SupportSprings.h
 };
 

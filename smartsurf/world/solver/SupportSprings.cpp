@@ -109,7 +109,7 @@ Vector3 balance(std::span<const LinearLoad> loads, const Matrix3& inertia, const
 }  // namespace
 
 void prepare_springs(SupportPatches& list, SupportPatch& p, const BodyVelocity& m, float substep_fraction) {
-  Eigen::Map<Vector3>{p.last_motion} = motion_of(m);
+  Eigen::Map<Vector3>{p.start_motion} = Eigen::Map<Vector3>{p.last_motion} = motion_of(m);
   Vector3 wrench = Vector3::Zero();
   for (Index i = p.first; i < p.first + p.count; ++i) {
     float& load = list.samples.load[i];
