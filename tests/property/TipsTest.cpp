@@ -185,6 +185,40 @@ TEST(PinStiffness, SleepersLieOnTopsThatBearTheirWeight) {
   EXPECT_GE(asleep, 30);
 }
 
+// Boxes that rock on tops without damping, by less than 8°: their energy above that at the start, relative to
+// their weight, u.
+TEST(PinStiffness, RockingBoxesGainNoEnergy) {
+  std::mt19937 random(31);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int i = 0; i < 12; ++i) {
+    SCOPED_TRACE(i);
+    PhysicsFixture fixture;
+    fixture.scene.world.sleep = false;
+    const double stiffness = std::pow(10.0, uniform(2.7, 3.2)), tilt = uniform(0.03, 0.05);
+    set_surface(fixture, "pin", 12, 1.0, 1.0, {{"stiffness", {stiffness}}, {"damping", {0}}});
+    const Eigen::Vector3d size(uniform(2.4, 3.2), uniform(1.5, 1.8), uniform(2, 2.5));
+    const double low = size.z() / 2 * std::cos(tilt) + size.y() / 2 * std::sin(tilt) + 0.002;
+    scene::ObjectSpec o = box(size, {uniform(5, 5.5), uniform(5, 5.5), low});
+    o.orientation = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX());
+    o.mass = 3.0;
+    const auto id = fixture.add(o);
+    const Eigen::Vector3d squares = size.cwiseAbs2(),
+                          inertia = (Eigen::Vector3d::Constant(squares.sum()) - squares) / 12;
+    double greatest = 0;
+    fixture.run(12.0, [&] {
+      const std::array<float, 4>& q = fixture.snapshot().orientation[0];
+      const Eigen::Quaterniond orientation = Eigen::Quaternionf(q[3], q[0], q[1], q[2]).cast<double>();
+      const Eigen::Vector3d v = fixture.velocity(id).cast<double>(),
+                            w = orientation.conjugate() * fixture.angular_velocity(id).cast<double>();
+      const double kinetic = 0.5 * v.squaredNorm() + 0.5 * w.dot(inertia.cwiseProduct(w));
+      greatest = std::max(greatest, static_cast<double>(fixture.position(id).z()) - low + kinetic / kGravity);
+    });
+    EXPECT_LT(greatest, 0.002);
+  }
+}
+
 TEST_P(Tips, SphereRestsOnFourHemispheres) {
   const double radius = 1.5, tip = 0.4;
   set_tips(fixture, kHemisphere, {{"tip.radius", {tip}}});
