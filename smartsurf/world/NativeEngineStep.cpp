@@ -358,7 +358,7 @@ void NativeEngine::finalize_bodies(const Member& member) {
   }
   if (bodies_.non_spheres == 0) return;  // only others have support patches
   for (int s = own_slabs.begin; s < own_slabs.end; ++s)
-    sleep_.reset_timers_on_moving_cells(bodies_, collision_.supports()[s]);
+    sleep_.reset_timers_on_patches(bodies_, collision_.supports()[s]);
 }
 
 // Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread:

@@ -12,7 +12,8 @@ constexpr float kMaxSleepSpeed = 0.06F;  // upper bound of the speed of any poin
 // The same for bodies with joints: a pendulum in its lowest point hardly accelerates.
 constexpr float kMaxJointedSleepSpeed = 0.003F;
 constexpr float kTimeToSleep_s = 0.5F;  // a body must rest this long before it falls asleep
-// Upper bound of the mean acceleration of any point of a resting body over that time, u/s².
+// Upper bound of the mean acceleration of any point of a resting body over that time, and on elastic tops
+// over each step of it, u/s².
 constexpr float kMaxSleepAcceleration = 0.01F;
 constexpr float kWakeIslandSpeed = 0.6F;  // a faster body wakes the whole island that it hits, u/s
 
@@ -28,6 +29,16 @@ bool accelerates(const BodyStore& b, std::size_t i, float dt_s, float scale) {
   const float change = (m.velocity.norm() + m.angular_velocity.norm() * b.bounding_radius[i]) * dt_s;
   constexpr float kHalf_s = 0.5F * kTimeToSleep_s;
   return change > scale * kMaxSleepAcceleration * kHalf_s * kHalf_s;
+}
+
+// True if the loads of elastic tops do not balance the body in this step: they may swing about its weight
+// with a mean velocity of 0, but do not jitter.
+bool swings(const BodyStore& b, const SupportPatch& p, float dt_s, float scale) {
+  const Vec3 v = b.velocity(p.body), w = b.angular_velocity(p.body),
+             start = Eigen::Map<const Eigen::Vector3d>(p.start_motion).cast<float>();
+  const float change = std::abs(v.z() - start.x()) +
+                       length_of(w.y() + start.y(), w.x() - start.z()) * b.bounding_radius[p.body];
+  return change > scale * kMaxSleepAcceleration * dt_s;
 }
 
 bool any_nonzero(std::span<const float> values) {
@@ -231,9 +242,9 @@ void Sleep::reset_timers_on_moving_cells(BodyStore& b, const ContactList& static
   }
 }
 
-void Sleep::reset_timers_on_moving_cells(BodyStore& b, const SupportPatches& supports) const {
+void Sleep::reset_timers_on_patches(BodyStore& b, const SupportPatches& supports) const {
   for (const SupportPatch& p : supports.patches)
-    if (p.moves) b.sleep_timer_s[p.body] = 0.0F;
+    if (p.moves || (p.is_elastic && swings(b, p, dt_s_, rest_scale_))) b.sleep_timer_s[p.body] = 0.0F;
 }
 
 void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& active_bodies,

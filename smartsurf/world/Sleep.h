@@ -1,8 +1,9 @@
 // Puts resting bodies to sleep and wakes them again.
 //
 // A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, its
-// velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too), and the same holds
-// for all that it touches, has a joint with, or lies on at whatever height. A sleeping body has zero inverse
+// velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too, one that swings on
+// elastic tops has a mean velocity of 0), and the same holds for all that it touches, has a joint with, or
+// lies on at whatever height. A sleeping body has zero inverse
 // mass in the solver and is not simulated; its contacts are kept with their impulses. It wakes when a cell
 // under or beside it moves, when a neighbour moves, or when a body wakes on which it lies. A wrench on one of
 // its island, an imminent hit by a fast body, a body placed against it, or the removal of a neighbour wakes
@@ -71,7 +72,8 @@ class Sleep {
   // Bodies on moving cells must not fall asleep. `manifolds`: range in static_contacts.manifolds.
   void reset_timers_on_moving_cells(BodyStore&, const ContactList& static_contacts,
                                     IndexRange manifolds) const;
-  void reset_timers_on_moving_cells(BodyStore&, const SupportPatches&) const;
+  // Nor those that swing on elastic tops.
+  void reset_timers_on_patches(BodyStore&, const SupportPatches&) const;
   // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body. Calls
   // find_loads() before it reads those of support patches.
   void update_sleeping_set(

@@ -41,6 +41,11 @@ void command(PhysicsFixture& fixture, int channel, double value) {
       channel, std::vector<float>(fixture.cells().field().height.size(), static_cast<float>(value)));
 }
 
+double load_of_cells(PhysicsFixture& fixture) {
+  const std::vector<float>& impulse = fixture.cells().field().impulse;
+  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
+}
+
 // One tile of 9.5 × 9.5 u at (0, 0), tilted about x and y, rad.
 void tilt_tile(PhysicsFixture& fixture, double roll, double pitch) {
   set_surface(fixture, "tile", 1, 10.0, 9.5, {{"command", {1}}, {"max_tilt", {1.0}}});
@@ -140,14 +145,77 @@ TEST(PinStiffness, FlatFacesRestAtTheirDepth) {
     fixture.run(12.0);
     const double z = static_cast<double>(fixture.position(id).z());
     fixture.run(0.5, [&] {
-      const std::vector<float>& impulse = fixture.cells().field().impulse;
-      const double load = std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
-      EXPECT_NEAR(load, kGravity, 0.01 * kGravity) << depth << ' ' << radius << ' ' << top;
+      EXPECT_NEAR(load_of_cells(fixture), kGravity, 0.01 * kGravity) << depth << ' ' << radius << ' ' << top;
     });
     EXPECT_NEAR(static_cast<double>(fixture.position(id).z()), z, 1e-4 + 0.01 * depth);
     if (is_centred) {
       EXPECT_NEAR(below_centre - z, depth, 1e-4 + 0.02 * depth);
     }
+  }
+}
+
+// A swing without damping has a mean velocity of 0; as long as it lasts, boxes stay awake.
+TEST(PinStiffness, SleepersLieOnTopsThatBearTheirWeight) {
+  std::mt19937 random(29);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int asleep = 0;
+  for (const double dt_s : {1.0 / 60, 1.0 / 240})
+    for (int i = 0; i < 40; ++i) {
+      SCOPED_TRACE(i);
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = dt_s;
+      const bool is_damped = i % 4 == 0;
+      scene::ParameterValues values{{"stiffness", {std::pow(10.0, uniform(3, 5))}}};
+      if (!is_damped) values["damping"] = {0};
+      set_surface(fixture, "pin", 12, 1.0, uniform(0.6, 1.0), values);
+      const Eigen::Vector3d size(uniform(1.5, 5), uniform(1.5, 5), uniform(1.5, 5));
+      scene::ObjectSpec o = box(size, {uniform(5, 6), uniform(5, 6), size.z() / 2 + 0.002});
+      const double mass = uniform(1, 10);
+      o.mass = mass;
+      fixture.add(o);
+      fixture.run(6.0);
+      const bool sleeps = fixture.world().sleeping_count() == 1;
+      EXPECT_TRUE(sleeps || !is_damped);
+      if (!sleeps) continue;
+      ++asleep;
+      EXPECT_NEAR(load_of_cells(fixture), mass * kGravity, 0.001 * mass * kGravity);
+    }
+  EXPECT_GE(asleep, 30);
+}
+
+// Boxes that rock on tops without damping, by less than 8°: their energy above that at the start, relative to
+// their weight, u.
+TEST(PinStiffness, RockingBoxesGainNoEnergy) {
+  std::mt19937 random(31);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  for (int i = 0; i < 12; ++i) {
+    SCOPED_TRACE(i);
+    PhysicsFixture fixture;
+    fixture.scene.world.sleep = false;
+    const double stiffness = std::pow(10.0, uniform(2.7, 3.2)), tilt = uniform(0.03, 0.05);
+    set_surface(fixture, "pin", 12, 1.0, 1.0, {{"stiffness", {stiffness}}, {"damping", {0}}});
+    const Eigen::Vector3d size(uniform(2.4, 3.2), uniform(1.5, 1.8), uniform(2, 2.5));
+    const double low = size.z() / 2 * std::cos(tilt) + size.y() / 2 * std::sin(tilt) + 0.002;
+    scene::ObjectSpec o = box(size, {uniform(5, 5.5), uniform(5, 5.5), low});
+    o.orientation = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX());
+    o.mass = 3.0;
+    const auto id = fixture.add(o);
+    const Eigen::Vector3d squares = size.cwiseAbs2(),
+                          inertia = (Eigen::Vector3d::Constant(squares.sum()) - squares) / 12;
+    double greatest = 0;
+    fixture.run(12.0, [&] {
+      const std::array<float, 4>& q = fixture.snapshot().orientation[0];
+      const Eigen::Quaterniond orientation = Eigen::Quaternionf(q[3], q[0], q[1], q[2]).cast<double>();
+      const Eigen::Vector3d v = fixture.velocity(id).cast<double>(),
+                            w = orientation.conjugate() * fixture.angular_velocity(id).cast<double>();
+      const double kinetic = 0.5 * v.squaredNorm() + 0.5 * w.dot(inertia.cwiseProduct(w));
+      greatest = std::max(greatest, static_cast<double>(fixture.position(id).z()) - low + kinetic / kGravity);
+    });
+    EXPECT_LT(greatest, 0.002);
   }
 }
 

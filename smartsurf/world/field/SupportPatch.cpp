@@ -157,39 +157,34 @@ bool find_footprint(const ConvexPart& part, const Vec3& centre, const Mat3& axes
 }
 
 struct SharedArea {
-  float x, y, weight, arm;  // where it bears, from the cell's centre; as SupportSamples
+  float x, y, weight, arm;                // where it bears, from the cell's centre; as SupportSamples
+  float xx = 0.0F, xy = 0.0F, yy = 0.0F;  // on elastic tops: mean squares of the distances from there
 };
 
 // A face bears on the whole area that it shares with a cell if it touches it everywhere, and on the lowest
 // corners if it tilts: a corner bears the less the farther it is above the cell's top, or above the lowest
-// corner if that is higher, down to nothing at `gap`, u.
+// corner if that is higher, down to nothing at kBearingGap, u.
 constexpr float kBearingGap = 1e-3F;
-float weight_of_corner(float separation, float lowest, float gap = kBearingGap) {
-  return std::clamp(1.0F - (separation - std::max(lowest, 0.0F)) / gap, 0.0F, 1.0F);
+float weight_of_corner(float separation, float lowest) {
+  return std::clamp(1.0F - (separation - std::max(lowest, 0.0F)) / kBearingGap, 0.0F, 1.0F);
 }
 
-// Moves the point at which an area bears from its centre to the corners that bear. `separation`: of the face
-// from the cell's top in the cell's middle.
+// Moves the point at which an area bears from its centre to the corners that bear; not on elastic tops, whose
+// corners are springs. `separation`: of the face from the cell's top in the cell's middle.
 void move_to_bearing_corners(const Footprint& f, float separation, const Point2* corner, int count,
                              SharedArea& area) {
+  if (f.is_on_elastic_tops) return;
   float low = f.rise(corner[0].x, corner[0].y), high = low;
   for (int i = 1; i < count; ++i) {
     const float rise = f.rise(corner[i].x, corner[i].y);
     low = std::min(low, rise), high = std::max(high, rise);
   }
-  float lowest = separation + low;
-  // On an elastic top, the corners bear that are in it; the weight counts from the lowest.
-  float gap = kBearingGap;
-  if (f.is_on_elastic_tops && lowest < 0.0F) {
-    gap = std::max(gap, -2.0F * lowest);
-    separation -= lowest, lowest = 0.0F;
-  }
-  const float least = weight_of_corner(separation + high, lowest, gap);
+  const float lowest = separation + low, least = weight_of_corner(separation + high, lowest);
   if (least == 1.0F) return;
   float sum = 0.0F;
   Point2 bearing{0.0F, 0.0F};
   for (int i = 0; i < count; ++i) {
-    const float weight = weight_of_corner(separation + f.rise(corner[i].x, corner[i].y), lowest, gap);
+    const float weight = weight_of_corner(separation + f.rise(corner[i].x, corner[i].y), lowest);
     sum += weight, bearing.x += weight * corner[i].x, bearing.y += weight * corner[i].y;
   }
   area.x += (1.0F - least) * (bearing.x / sum - area.x);
@@ -215,9 +210,28 @@ bool share_line(const Footprint& f, float separation, const Point2& from, const 
   const float middle = 0.5F * (begin + end), length = (end - begin) * length_of(dx, dy);
   out = {from.x + middle * dx, from.y + middle * dy,
          std::min(1.0F, length / (2.0F * std::min(half_x, half_y))), 0.25F * length};
+  const float squared = (end - begin) * (end - begin) / 12.0F;
+  out.xx = squared * dx * dx, out.xy = squared * dx * dy, out.yy = squared * dy * dy;
   const Point2 ends[2] = {{from.x + begin * dx, from.y + begin * dy}, {from.x + end * dx, from.y + end * dy}};
   move_to_bearing_corners(f, separation, ends, 2, out);
   return true;
+}
+
+// Sets the second moments of a convex polygon.
+void set_moments(const Point2* corner, int count, SharedArea& out) {
+  float area = 0.0F, xx = 0.0F, xy = 0.0F, yy = 0.0F;
+  for (int i = 1; i + 1 < count; ++i) {
+    const Point2 a{corner[0].x - out.x, corner[0].y - out.y}, b{corner[i].x - out.x, corner[i].y - out.y},
+        c{corner[i + 1].x - out.x, corner[i + 1].y - out.y};
+    const float twice = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x), x = a.x + b.x + c.x,
+                y = a.y + b.y + c.y;
+    area += twice;
+    xx += twice * (a.x * a.x + b.x * b.x + c.x * c.x + x * x);
+    xy += twice * (a.x * a.y + b.x * b.y + c.x * c.y + x * y);
+    yy += twice * (a.y * a.y + b.y * b.y + c.y * c.y + y * y);
+  }
+  const float scale = 1.0F / (12.0F * area);
+  out.xx = scale * xx, out.xy = scale * xy, out.yy = scale * yy;
 }
 
 // The part of a convex polygon in the rectangle. Corners are relative to its centre.
@@ -260,6 +274,7 @@ bool share_polygon(const Footprint& f, float separation, const Point2* corner, i
   if (!(area > 1e-6F * full)) return false;
   out = {x / (3.0F * area), y / (3.0F * area), std::min(1.0F, 0.5F * area / full),
          kSquareArm * std::sqrt(0.5F * area)};
+  if (f.is_on_elastic_tops) set_moments(current, count, out);
   move_to_bearing_corners(f, separation, current, count, out);
   return true;
 }
@@ -312,6 +327,7 @@ class FootprintOnCells {
     if (any_of(is_outside)) return false;
     if (!any_of(is_cut)) {
       out = {0.0F, 0.0F, 1.0F, kSquareArm * std::sqrt(4.0F * half_x_ * half_y_)};
+      out.xx = half_x_ * half_x_ / 3.0F, out.yy = half_y_ * half_y_ / 3.0F;
       const Point2 corners[4] = {
           {-half_x_, -half_y_}, {half_x_, -half_y_}, {half_x_, half_y_}, {-half_x_, half_y_}};
       move_to_bearing_corners(f_, separation, corners, 4, out);
@@ -364,6 +380,7 @@ BearingContacts bearing_contacts(const surface::Field& field, std::span<const Co
 struct Sample {
   std::int32_t cell;
   float x, y, arm, weight, separation, velocity_x, velocity_y, spin;
+  float xx = 0.0F, xy = 0.0F, yy = 0.0F;  // as SharedArea
 };
 
 void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& centre, const Point2& cell_centre,
@@ -375,7 +392,7 @@ void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& cent
     vy = field.surface_velocity_y[cell] + spin * shared.x;
   }
   out.push_back({cell, cell_centre.x + shared.x - centre.x(), cell_centre.y + shared.y - centre.y(),
-                 shared.arm, shared.weight, separation, vx, vy, spin});
+                 shared.arm, shared.weight, separation, vx, vy, spin, shared.xx, shared.xy, shared.yy});
 }
 
 // Adds the samples of one footprint, by ascending cell.
@@ -393,7 +410,7 @@ void add_samples(const surface::Field& field, const Footprint& f, const Vec3& ce
           !on_cells.share(x, y, top, shared))
         continue;
       const float separation = f.z_at(x + shared.x, y + shared.y) - top;
-      if (bearing.bears(separation, top, cell))
+      if (bearing.on_elastic_tops || bearing.bears(separation, top, cell))
         add_sample(field, cell, centre, {x, y}, shared, separation, out);
     }
 }
@@ -415,17 +432,25 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
       local.corner[k] = {cosine * x + sine * y, cosine * y - sine * x};
     }
     SharedArea shared;
-    if (!FootprintOnCells(field, local).share(0.0F, 0.0F, top, shared)) continue;
+    const FootprintOnCells on_cells(field, local);
+    if (!bearing.bears(f.z_at(at.x, at.y) - on_cells.greatest_rise() - top, top, cell) ||
+        !on_cells.share(0.0F, 0.0F, top, shared))
+      continue;
     const float x = shared.x;
     shared.x = cosine * x - sine * shared.y;
     shared.y = sine * x + cosine * shared.y;
+    const float xx = shared.xx, xy = shared.xy, yy = shared.yy, both = 2.0F * sine * cosine * xy;
+    shared.xx = cosine * cosine * xx - both + sine * sine * yy;
+    shared.xy = sine * cosine * (xx - yy) + (cosine * cosine - sine * sine) * xy;
+    shared.yy = sine * sine * xx + both + cosine * cosine * yy;
     const float separation = f.z_at(at.x + shared.x, at.y + shared.y) - top;
-    if (bearing.bears(separation, top, cell)) add_sample(field, cell, centre, at, shared, separation, out);
+    if (bearing.on_elastic_tops || bearing.bears(separation, top, cell))
+      add_sample(field, cell, centre, at, shared, separation, out);
   }
 }
 
 // Merges samples on the same cell, which several parts of a body share, and restores the order.
-void merge_cells(std::vector<Sample>& samples) {
+void merge_cells(bool on_elastic_tops, std::vector<Sample>& samples) {
   std::ranges::stable_sort(samples, {}, &Sample::cell);
   std::size_t to = 0;
   for (const Sample& s : samples) {
@@ -433,15 +458,20 @@ void merge_cells(std::vector<Sample>& samples) {
       samples[to++] = s;
       continue;
     }
-    // The arm stands for the size of the area. Of a tilted face the parts that are lowest bear.
+    // The arm stands for the size of the area. Of a tilted face the parts that are lowest bear, unless all
+    // are springs.
     Sample& sum = samples[to - 1];
-    const float lowest = std::min(sum.separation, s.separation), a = sum.arm * sum.arm, b = s.arm * s.arm,
-                bearing_a = a * weight_of_corner(sum.separation, lowest),
-                bearing_b = b * weight_of_corner(s.separation, lowest),
+    const auto weight = [&, lowest = std::min(sum.separation, s.separation)](float separation) {
+      return on_elastic_tops ? 1.0F : weight_of_corner(separation, lowest);
+    };
+    const float a = sum.arm * sum.arm, b = s.arm * s.arm, bearing_a = a * weight(sum.separation),
+                bearing_b = b * weight(s.separation),
                 share = bearing_b / std::max(1e-12F, bearing_a + bearing_b);
-    for (float Sample::*const value :
-         {&Sample::x, &Sample::y, &Sample::velocity_x, &Sample::velocity_y, &Sample::separation})
+    const float x = s.x - sum.x, y = s.y - sum.y, apart = share * (1.0F - share);
+    for (float Sample::*const value : {&Sample::x, &Sample::y, &Sample::velocity_x, &Sample::velocity_y,
+                                       &Sample::separation, &Sample::xx, &Sample::xy, &Sample::yy})
       sum.*value += share * (s.*value - sum.*value);
+    sum.xx += apart * x * x, sum.xy += apart * x * y, sum.yy += apart * y * y;
     sum.arm = std::sqrt(a + b);
     sum.weight = std::min(1.0F, sum.weight + s.weight);
   }
@@ -558,15 +588,22 @@ void set_motion(const surface::Field& field, std::span<const Sample> samples, Su
   }
 }
 
-void add_springs(const surface::Field& field, const SupportPatch& patch, SupportPatches& out) {
-  const SupportSamples& s = out.samples;
-  out.springs.resize(s.size());
-  for (Index i = patch.first; i < patch.first + patch.count; ++i) {
-    const surface::CellTip& top = field.tip_at(s.cell[i]);
-    out.springs[i] = {.separation = s.separation[i],
-                      .rise = field.speed[s.cell[i]],
-                      .stiffness = s.weight[i] * top.stiffness,
-                      .damping = s.weight[i] * top.damping};
+// `slope`: of the face. The corners are those of a rectangle, or a parallelogram, of the area's moments.
+void add_springs(const surface::Field& field, std::span<const Sample> samples, const Point2& slope,
+                 const SupportPatch& patch, SupportPatches& out) {
+  out.springs.resize(out.samples.size());
+  Index i = patch.first;
+  for (const Sample& s : samples) {
+    const surface::CellTip& top = field.tip_at(s.cell);
+    SupportSpring& spring = out.springs[i++] = {};
+    spring.rise = field.speed[s.cell];
+    spring.stiffness = s.weight * top.stiffness, spring.damping = s.weight * top.damping;
+    const float ux = std::sqrt(3.0F * s.xx), uy = ux > 0.0F ? 3.0F * s.xy / ux : 0.0F,
+                vy = std::sqrt(std::max(0.0F, 3.0F * s.yy - uy * uy));
+    for (std::size_t k = 0; k < spring.corner.size(); ++k) {
+      const float u = k % 2 == 0 ? -1.0F : 1.0F, v = k < 2 ? -1.0F : 1.0F, x = u * ux, y = u * uy + v * vy;
+      spring.corner[k] = {.x = s.x + x, .y = s.y + y, .separation = s.separation + slope.x * x + slope.y * y};
+    }
   }
 }
 
@@ -620,6 +657,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   samples.clear();
   int footprints = 0;
   float plane_z = 0.0F;
+  Point2 slope{0.0F, 0.0F};
   for_each_part(shape, [&](const ConvexPart& part) {
     Footprint f;
     f.is_on_elastic_tops = patch.is_elastic;
@@ -645,6 +683,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
     if (!touches) return;
     if (footprints++ == 0) {
       plane_z = below_centre;
+      slope = {f.slope_x, f.slope_y};
       patch.z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
     }
     if (free_layout)
@@ -652,7 +691,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
     else
       add_samples(field, f, centre, bearing, samples);
   });
-  if (footprints > 1) merge_cells(samples);
+  if (footprints > 1) merge_cells(patch.is_elastic, samples);
   patch.count = static_cast<std::int32_t>(samples.size());
   if (!patch.has_shares && !patch.is_elastic) add_outliers(patch, out, contacts, bearing, samples);
   patch.outlier_count = static_cast<std::int32_t>(samples.size()) - patch.count;
@@ -665,8 +704,9 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
     out.patches.pop_back();
     return false;
   }
-  set_motion(field, std::span(samples).first(patch.count), patch);
-  if (patch.is_elastic) add_springs(field, patch, out);
+  const auto of_patch = std::span<const Sample>(samples).first(patch.count);
+  set_motion(field, of_patch, patch);
+  if (patch.is_elastic) add_springs(field, of_patch, slope, patch, out);
   return true;
 }
 

@@ -11,8 +11,8 @@
 // If cells have force limits, each cell has contact points of its own, N_i is at most what the cell can give,
 // and the points take over these loads.
 //
-// Elastic tops are springs of finite stiffness: N_i follows from how deep the face is in the top, and the
-// points bear nothing (solver/SupportSprings.h).
+// Elastic tops are springs of finite stiffness: N_i follows from how deep the face is in the top's corners,
+// and the points bear nothing (solver/SupportSprings.h).
 #pragma once
 
 #include <array>
@@ -53,11 +53,17 @@ struct SupportSamples {
 };
 inline constexpr float kUnlimitedLoad = 1e30F;
 
-// The elastic top under a sample.
+// The elastic top under a sample. Each corner of the covered part has a quarter of its stiffness and damping.
 struct SupportSpring {
-  float separation = 0.0F, rise = 0.0F;    // of the face from the top, u; speed of the top, u/s
+  struct Corner {
+    float x = 0.0F, y = 0.0F;            // from the body's centre of mass
+    float separation = 0.0F;             // of the face from the top, u
+    float depth = 0.0F, impulse = 0.0F;  // at the start of the substep, u; over the substep, mass·u/s
+  };
+  float rise = 0.0F;                       // speed of the top, u/s
   float stiffness = 0.0F, damping = 0.0F;  // of the covered part of the top, mass/s² and mass/s
-  float depth = 0.0F, step_load = 0.0F;    // at the start of the substep, u; sum over the step, mass·u/s
+  std::array<Corner, 4> corner = {};
+  std::array<float, 3> step_wrench = {};  // Σ impulse·(1, x, y) over the step
 };
 
 // How a patch's point takes part in the load of its cell: by share + share_x·x + share_y·y, if the load acts
@@ -111,8 +117,9 @@ struct SupportPatch {
   double tangent_mass = 0.0;                          // of one sample
   double friction_sum[3] = {};                        // applied: force along x and y, torque about z
   // Elastic patches only: the sum of the applied loads and their moments Σ N·(1, x, y); the velocity of the
-  // face at (x, y) as a + b·x + c·y, at the end of the last substep and of the solve stage.
-  double spring_wrench[3] = {}, last_motion[3] = {}, solve_motion[3] = {};
+  // face at (x, y) as a + b·x + c·y, at the start of the step, the end of the last substep and of the solve
+  // stage.
+  double spring_wrench[3] = {}, start_motion[3] = {}, last_motion[3] = {}, solve_motion[3] = {};
   double implicit_share = 0.0;  // w in solver/SupportSprings.h
 };
 

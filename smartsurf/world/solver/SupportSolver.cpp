@@ -497,7 +497,12 @@ void share_loads(SupportPatches& list, SupportPatch& p, BatchPoints points) {
 void store_loads(SupportPatches& list, SupportPatch& p, std::span<const Contact> contacts) {
   const SupportSampleView samples = view(list.samples, p);
   if (p.is_elastic) {
-    for (Index i = 0; i < p.count; ++i) samples.load[i] = list.springs[p.first + i].step_load;
+    // Samples move to where their corners bear.
+    for (Index i = p.first; i < p.first + p.count; ++i) {
+      const auto [load, moment_x, moment_y] = list.springs[i].step_wrench;
+      list.samples.load[i] = load;
+      if (load > 0.0F) list.samples.x[i] = moment_x / load, list.samples.y[i] = moment_y / load;
+    }
     return;
   }
   if (p.has_shares) {

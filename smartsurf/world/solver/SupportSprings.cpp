@@ -27,12 +27,14 @@ Matrix3 inertia_of(const BodyVelocity& m, const InverseInertia& w) {
   return inertia;
 }
 
-// The load of one cell as max(0, at_rest − per_speed·v), with the velocity v of the face there.
+// The load of one corner as max(0, at_rest − per_speed·v), with the velocity v of the face there.
 struct LinearLoad {
   Vector3 at;  // 1, x, y
   double at_rest = 0.0, per_speed = 0.0;
   double at_velocity(const Vector3& motion) const { return at_rest - per_speed * at.dot(motion); }
 };
+
+constexpr double kCornerShare = 0.25;
 
 std::span<SupportSpring> springs_of(SupportPatches& list, const SupportPatch& p) {
   return std::span(list.springs).subspan(p.first, p.count);
@@ -45,21 +47,21 @@ Vector3 place_of(const SupportPatches& list, Index sample) {
 void measure_depths(SupportPatches& list, SupportPatch& p, const SubstepParams& params, const BodyVelocity& m,
                     const DeltaPose& delta) {
   double stiffness = 0.0;
-  Index i = p.first;
-  for (SupportSpring& s : springs_of(list, p)) {
-    const float x = list.samples.x[i], y = list.samples.y[i];
-    ++i;
-    s.depth = s.rise * params.elapsed_s - s.separation - delta.translation[2] -
-              (delta.rotation[0] * y - delta.rotation[1] * x);
-    if (s.depth > 0.0F) stiffness += static_cast<double>(s.stiffness);
-  }
+  for (SupportSpring& s : springs_of(list, p))
+    for (SupportSpring::Corner& c : s.corner) {
+      c.depth = s.rise * params.elapsed_s - c.separation - delta.translation[2] -
+                (delta.rotation[0] * c.y - delta.rotation[1] * c.x);
+      if (c.depth > 0.0F) stiffness += kCornerShare * static_cast<double>(s.stiffness);
+    }
   const double h_s = params.h_s, kappa = h_s * h_s * stiffness * static_cast<double>(m.inverse_mass);
   p.implicit_share = kappa * kappa / (1.0 + kappa * kappa);
 }
 
-LinearLoad load_of(const SupportPatch& p, const SupportSpring& s, const Vector3& at, double h_s,
-                   bool is_soft) {
-  const double k = s.stiffness, c = s.damping, rise = s.rise, depth = s.depth;
+LinearLoad load_of(const SupportPatch& p, const SupportSpring& s, const SupportSpring::Corner& corner,
+                   double h_s, bool is_soft) {
+  const Vector3 at(1.0, static_cast<double>(corner.x), static_cast<double>(corner.y));
+  const double k = kCornerShare * static_cast<double>(s.stiffness),
+               c = kCornerShare * static_cast<double>(s.damping), rise = s.rise, depth = corner.depth;
   const double alpha = 0.25 + 0.75 * p.implicit_share, beta = 0.25 * (1.0 - p.implicit_share);
   LinearLoad load{.at = at};
   if (depth > 0.0) {
@@ -109,7 +111,7 @@ Vector3 balance(std::span<const LinearLoad> loads, const Matrix3& inertia, const
 }  // namespace
 
 void prepare_springs(SupportPatches& list, SupportPatch& p, const BodyVelocity& m, float substep_fraction) {
-  Eigen::Map<Vector3>{p.last_motion} = motion_of(m);
+  Eigen::Map<Vector3>{p.start_motion} = Eigen::Map<Vector3>{p.last_motion} = motion_of(m);
   Vector3 wrench = Vector3::Zero();
   for (Index i = p.first; i < p.first + p.count; ++i) {
     float& load = list.samples.load[i];
@@ -129,15 +131,22 @@ void solve_springs(SupportPatches& list, SupportPatch& p, const SubstepParams& p
   if (is_soft) measure_depths(list, p, params, m, delta);
   thread_local std::vector<LinearLoad> loads;
   loads.clear();
-  Index sample = p.first;
   for (const SupportSpring& s : springs_of(list, p))
-    loads.push_back(load_of(p, s, place_of(list, sample++), static_cast<double>(params.h_s), is_soft));
+    for (const SupportSpring::Corner& c : s.corner)
+      loads.push_back(load_of(p, s, c, static_cast<double>(params.h_s), is_soft));
   const Vector3 motion = balance(loads, inertia_of(m, w), motion_of(m), Vector3(p.spring_wrench));
   Vector3 wrench = Vector3::Zero();
-  for (std::size_t i = 0; i < loads.size(); ++i) {
-    const double impulse = std::max(0.0, loads[i].at_velocity(motion));
-    list.samples.load[p.first + i] = static_cast<float>(impulse);
-    wrench += impulse * loads[i].at;
+  const LinearLoad* load = loads.data();
+  Index sample = p.first;
+  for (SupportSpring& s : springs_of(list, p)) {
+    double sum = 0.0;
+    for (SupportSpring::Corner& c : s.corner) {
+      const double impulse = std::max(0.0, load->at_velocity(motion));
+      c.impulse = static_cast<float>(impulse);
+      sum += impulse;
+      wrench += impulse * (load++)->at;
+    }
+    list.samples.load[sample++] = static_cast<float>(sum);
   }
   apply_wrench(wrench - Vector3(p.spring_wrench), m, w);
   Eigen::Map<Vector3>{p.spring_wrench} = wrench;
@@ -149,8 +158,11 @@ void end_spring_stage(SupportPatches& list, SupportPatch& p, bool is_soft, const
     return;
   }
   Eigen::Map<Vector3>{p.last_motion} = motion_of(m);
-  Index i = p.first;
-  for (SupportSpring& s : springs_of(list, p)) s.step_load += list.samples.load[i++];
+  for (SupportSpring& s : springs_of(list, p))
+    for (const SupportSpring::Corner& c : s.corner) {
+      s.step_wrench[0] += c.impulse;
+      s.step_wrench[1] += c.impulse * c.x, s.step_wrench[2] += c.impulse * c.y;
+    }
 }
 
 }  // namespace smartsurf::world

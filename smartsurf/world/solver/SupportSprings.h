@@ -1,7 +1,9 @@
 // Flat faces on elastic tops: each cell of the patch is a spring of its own.
 //
-// A top has the stiffness k and the damping c; the part of it that the face covers has that part of both.
-// With the depth d of the face in the top, its rate u before the substep h and u' after it, the cell bears
+// A top has the stiffness k and the damping c; the part of it that the face covers has that part of both, a
+// quarter at each of its corners. A corner stays at its place on the face, so that its load is the gradient
+// of the energy in its spring: a face that rocks on its tops gains none. With the depth d of the face in the
+// top at a corner of k and c, its rate u before the substep h and u' after it, the corner bears
 //   J = max(0, h·(k·(d + h·(α·u' − β·u)) + c·u'))
 // With α = β = 1/4 this is the trapezoidal rule of the load on its springs, which adds no damping. A load
 // that swings faster than the substeps can follow is damped: κ = h²·Σk/m is that of the body on its springs,

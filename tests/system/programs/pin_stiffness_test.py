@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Plates on pins of finite stiffness against independent springs: the loads of a complementarity problem that least squares
-without negative loads solves, and the swing of a mass on a spring."""
+"""Plates on pins of finite stiffness against independent springs at the corners of what they cover: the loads of a
+complementarity problem that least squares without negative loads solves, and the swing of a mass on a spring."""
 import math
 import random
 import re
@@ -42,7 +42,7 @@ class PinStiffness(ProgramTest):
 
     def loads(self, b):
         """By row and column, from the north: least squares of the loads' distances from those of springs held at the pins' heights."""
-        places, shares, tops = [], [], []
+        places, shares, tops, cells = [], [], [], []
         for row in range(12):
             for column in range(12):
                 low, high = [], []
@@ -50,9 +50,12 @@ class PinStiffness(ProgramTest):
                     low.append(max(middle - 0.4, centre - size / 2))
                     high.append(min(middle + 0.4, centre + size / 2))
                 area = max(0, high[0] - low[0]) * max(0, high[1] - low[1])
-                places.append([1, (low[0] + high[0]) / 2, (low[1] + high[1]) / 2])
-                shares.append(area / 0.64)
-                tops.append(b["heights"][row][column])
+                for x in (low[0], high[0]):
+                    for y in (low[1], high[1]):
+                        places.append([1, x, y])
+                        shares.append(area / 0.64 / 4)
+                        tops.append(b["heights"][row][column])
+                        cells.append(12 * row + column)
         places, stiffness = numpy.array(places), b["stiffness"] * numpy.array(shares)
         under = stiffness > 0
         places, tops, root = places[under], numpy.array(tops)[under] - 1, numpy.sqrt(stiffness[under])
@@ -62,7 +65,7 @@ class PinStiffness(ProgramTest):
         hard = 1e5 / weight * root.max()
         scaled, _ = nnls(numpy.vstack([numpy.eye(len(root)), hard * places.T * root]), numpy.concatenate([root * tops, hard * given]), maxiter=10000)
         all_loads = numpy.zeros(144)
-        all_loads[under] = scaled * root
+        numpy.add.at(all_loads, numpy.array(cells)[under], scaled * root)
         return all_loads.reshape(12, 12)
 
     def scene(self, b, rate, drop=0.0):
@@ -124,7 +127,7 @@ on_tick(function() local _, _, z = object(id):position() print(string.format('%.
             for rate in (120, 240, 960):
                 with self.subTest(draw=draw, sink=sink, decrement=decrement, rate=rate):
                     z = self.swing(rate, stiffness, damping, 0, 6.2 * period)
-                    at = [i for i in range(1, len(z) - 1) if (z[i] - z[i - 1]) * (z[i + 1] - z[i]) < 0]
+                    at = [i for i in range(1, len(z) - 1) if (z[i] > z[i - 1]) != (z[i + 1] > z[i])]
                     peaks = [z[i] - (z[i + 1] - z[i - 1]) ** 2 / (8 * (z[i + 1] - 2 * z[i] + z[i - 1])) for i in at]
                     swings = numpy.abs(numpy.diff(peaks))
                     got = 2 * math.log(swings[0] / swings[-1]) / (len(swings) - 1)
