@@ -25,7 +25,7 @@ class Sorting(ProgramTest):
         self.check_seed(3, "--set", "dead_sensors=0.02", "--set", "dropout=0.01", "--set", "false_hits=0.001")
 
     def test_tall_spheres_make_room_for_small_ones(self):
-        stats = self.run_sort("--until", "60", "--set", "large_radius=5", seed=20104)  # where one stalls among them
+        stats = self.run_sort("--until", "120", "--set", "large_radius=5", seed=20104)  # where one stalls among them
         self.assertEqual((stats["success"], stats["left_table"]), (True, 0))
 
     def test_fast_pins_throw_no_spheres_unless_they_are_not_led(self):
