@@ -49,7 +49,7 @@ class Bench(ProgramTest):
                                   line(0, 1, 4), line(0, 2, 2), line(0, 1, 5, True), line(5, 1, 9), line(5, 2, 99),
                                   line(0, 1, 8), line(0, 2, 2), line(0, 1, 9, True), line(5, 1, 8), line(5, 2, 9)])
         text = self.report()
-        self.assertIn("the least of 3", text)
+        self.assertIn("median of 3", text)
         self.assertIn("| 8x8 1 | 0 | 4 | 2 | 2 | 1.6 | 1 | 2 |", text)
         self.assertIn("| 8x8 1 | 5 | 8 | 10 | 0.8 | – | 1 | 2 |", text)
 
