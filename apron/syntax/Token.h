@@ -29,7 +29,7 @@ struct Token {
   double number = 0.0;
   bool no_expand = false;   // a name that resulted from its own define is not expanded again
   std::uint32_t owner = 0;  // of a macro's local name: the number of the expansion that it belongs to
-  // Of what replaces a parameter or a local name: where the body writes that; else line 0.
+  // Where a body writes the parameter or the local name that this token replaces; line 0 if it replaces none.
   Location parameter = {};
 
   bool is(std::string_view symbol) const { return kind == TokenKind::kPunctuator && text == symbol; }

@@ -9,9 +9,13 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr int kCentreRow = 1, kCentreCell = 4;   // in the local 3×3 grid
+constexpr int kCentre = 1, kCentreCell = 4;      // row and column, and index, in the local 3×3 grid
 constexpr int kNeighbourCell[4] = {3, 5, 1, 7};  // west, east, north, south
 constexpr float kSideNormal[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};
+
+float angle_of(const surface::Field& field, std::size_t cell) {
+  return field.angle.empty() ? 0.0F : field.angle[cell];
+}
 
 Vec3 rotated(const Vec3& v, float sine, float cosine) {
   return {cosine * v.x() - sine * v.y(), sine * v.x() + cosine * v.y(), v.z()};
@@ -25,7 +29,7 @@ struct FreeLayoutField::CellFrame {
       : cell_(static_cast<std::int32_t>(cell)),
         centre_(field.x[cell], field.y[cell], 0),
         grid_centre_(field.pitch, field.pitch, 0) {
-    const float angle = field.angle.empty() ? 0.0F : field.angle[cell];
+    const float angle = angle_of(field, cell);
     sine_ = std::sin(angle), cosine_ = std::cos(angle);
   }
 
@@ -92,7 +96,7 @@ int FreeLayoutField::cell_at(float x, float y, float tolerance) const {
   int found = -1;
   const Vec3 at(x, y, 0), reach(tolerance, tolerance, 0);
   for_each_cell(at - reach, at + reach, [&](std::size_t i) {
-    const float angle = field_.angle.empty() ? 0.0F : field_.angle[i];
+    const float angle = angle_of(field_, i);
     const Vec3 p = rotated(at - Vec3(field_.x[i], field_.y[i], 0), -std::sin(angle), std::cos(angle));
     if (found < 0 && std::abs(p.x()) <= field_.half_top_x + tolerance &&
         std::abs(p.y()) <= field_.half_top_y + tolerance)
@@ -104,7 +108,7 @@ int FreeLayoutField::cell_at(float x, float y, float tolerance) const {
 // Samples across each side at three quarters of the gap, where the neighbour is closer than the cell itself.
 FreeLayoutField::Neighbours FreeLayoutField::find_neighbours(std::size_t cell) const {
   Neighbours n;
-  const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
+  const float angle = angle_of(field_, cell);
   for (int side = 0; side < 4; ++side) {
     const bool along_x = side < 2;
     const float half = along_x ? field_.half_top_x : field_.half_top_y;
@@ -156,7 +160,7 @@ void FreeLayoutField::load_local_grid(std::size_t cell, surface::Field& f) const
     f.height[corner] = std::min(f.height[row], f.height[column]);
   }
   if (!field_.has_surface_velocity()) return;
-  const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
+  const float angle = angle_of(field_, cell);
   const Vec3 local_velocity = rotated({field_.surface_velocity_x[cell], field_.surface_velocity_y[cell], 0},
                                       -std::sin(angle), std::cos(angle));
   f.surface_velocity_x[kCentreCell] = local_velocity.x();
@@ -182,7 +186,7 @@ void FreeLayoutField::collide_sphere(const Vec3& centre, float radius, float mar
   for_each_local_grid(
       centre - extent, centre + extent, [&](const surface::Field& local_grid, const CellFrame& frame) {
         const SphereMotion local_motion{frame.vector_to_cell(motion.velocity), motion.dt_s};
-        auto found = collide_sphere_with_cell(local_grid, kCentreRow, kCentreRow, frame.point_to_cell(centre),
+        auto found = collide_sphere_with_cell(local_grid, kCentre, kCentre, frame.point_to_cell(centre),
                                               radius, margin, local_motion);
         if (!found) return;
         frame.turn_to_table(*found);

@@ -31,11 +31,11 @@ struct SphereMotion {
 void collide_sphere_with_field(const surface::Field&, const Vec3& centre, float radius, float margin,
                                std::vector<Contact>& out, const SphereMotion& = {});
 
-// The contact with one cell, if there is any.
 struct SphereContact : Contact {
   float order;  // ascending: the columns that the sphere meets in the step, then those that it passes
 };
 using SphereContactReducer = SphereManifoldReducer<SphereContact, &SphereContact::order>;
+// The contact with one cell, if there is any.
 std::optional<SphereContact> collide_sphere_with_cell(const surface::Field&, int row, int column,
                                                       const Vec3& centre, float radius, float margin,
                                                       const SphereMotion&);

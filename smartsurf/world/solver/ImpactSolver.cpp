@@ -47,6 +47,12 @@ float touching_separation(const ImpactSolver::Step& step, float speed) {
   return std::max(kTouchingSeparation, -speed * step.dt_s / static_cast<float>(step.substeps));
 }
 
+// The part of the step until a contact touches that has this separation at the end.
+float fraction_until_touching(const Contact& c, float end) {
+  const float start = std::max(c.separation, 0.0F);
+  return start > 0.0F ? start / (start - end) : 0.0F;
+}
+
 // The impulse that a cell of limited force has left, on its motor's line, for one of the body's contacts.
 float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
   constexpr float kUnlimitedImpulse = std::numeric_limits<float>::infinity();
@@ -138,16 +144,16 @@ void ImpactSolver::find_hits(const Step& step) {
     if (hit.in_substeps) return c.total_normal_impulse <= 0.0F;
     const Manifold& m = list.manifolds[hit.manifold];
     if (hit.is_pair) return !meet(step, hit);
-    const float start = std::max(c.separation, 0.0F), end = Sides(step, m, c).separation(c, step.dt_s);
+    const float end = Sides(step, m, c).separation(c, step.dt_s);
     if (end > 0.0F) return true;
-    hit.fraction = start > 0.0F ? start / (start - end) : 0.0F;
+    hit.fraction = fraction_until_touching(c, end);
     return false;
   });
   postpone_later_hits(step);
 }
 
 // A sphere that hits several static surfaces in the step, one after the other, may miss the later ones once
-// it rebounds from the first: they are none of the first generation.
+// it rebounds from the first: the first generation leaves them out.
 void ImpactSolver::postpone_later_hits(const Step& step) {
   postponed_.clear();
   auto kept = hits_.begin();
@@ -157,16 +163,16 @@ void ImpactSolver::postpone_later_hits(const Step& step) {
     });
     const bool of_sphere =
         !first->is_pair && step.bodies.is_sphere[step.static_contacts.manifolds[first->manifold].a];
-    const bool any_later =
-        of_sphere && end - first > 1 && std::ranges::none_of(first, end, &Hit::in_substeps);
-    const float earliest =
-        any_later ? std::ranges::min_element(first, end, {}, &Hit::fraction)->fraction : 1.0F;
+    float earliest = 1.0F;
+    if (of_sphere && std::ranges::none_of(first, end, &Hit::in_substeps))
+      earliest = std::ranges::min_element(first, end, {}, &Hit::fraction)->fraction;
     for (auto hit = first; hit != end; ++hit)
-      if (!any_later || !postpone(step, *hit, earliest)) *kept++ = *hit;
+      if (!postpone(step, *hit, earliest)) *kept++ = *hit;
   }
   hits_.erase(kept, hits_.end());
 }
 
+// Returns false for a hit at the fraction `earliest` of the step, or at the same instant.
 bool ImpactSolver::postpone(const Step& step, const Hit& hit, float earliest) {
   if (hit.fraction <= earliest) return false;
   const float start = step.static_contacts.contacts[hit.contact].separation,
@@ -196,7 +202,7 @@ bool ImpactSolver::meet(const Step& step, Hit& hit) const {
     hit.normal = (distance + hit.fraction * movement).normalized();
   } else {
     if (end > 0.0F) return false;
-    hit.fraction = start > 0.0F ? start / (start - end) : 0.0F;
+    hit.fraction = fraction_until_touching(c, end);
   }
   hit.approach = hit.fraction * movement;
   return true;

@@ -70,7 +70,7 @@ class ImpactSolver {
   struct Hit : Candidate {
     explicit Hit(const Candidate& candidate) : Candidate(candidate) {}
 
-    float fraction = 1.0F;           // of the step, at which the bodies of a pair meet
+    float fraction = 1.0F;           // of the step, at which the bodies meet; not of one in substeps
     Vec3 normal, approach{0, 0, 0};  // of a pair, as they meet: the movement of a relative to b until then
     Vec3 set_back_a{0, 0, 0}, set_back_b{0, 0, 0};  // of a pair
   };

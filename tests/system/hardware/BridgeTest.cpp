@@ -151,7 +151,7 @@ TEST_P(BadLine, DeliveredFramesAreCorrectAndMissesCounted) {
 }
 INSTANTIATE_TEST_SUITE_P(Modes, BadLine, testing::Values("time-step", "passive"));
 
-// Of the frames that come while the controller computes, it gets the newest; the others count as skipped.
+// The controller gets the newest of the frames that come while it computes; the others count as skipped.
 TEST(Bridge, LateAnswerIsFollowedByTheNewestFrame) {
   const std::string name = surface_name("bridge-newest");
   SteppedDevice device({{"tick", ""}}, {"height"});

@@ -65,6 +65,11 @@ class ServoBoard(ProgramTest):
             self.assertLess(max(self.forces()), 0.25)
         self.assertIn("emergency_stop by board ", self.status())
 
+    def release_and_arm(self, board):
+        board.send_signal(signal.SIGUSR2)
+        self.run_program(str(BRIDGE), "arm", self.shm)
+        self.await_forces(self.LED)
+
     # Load cells feel 20 mV for each raw height of 0.08 mm: 5 V are 1023 raw values of 0.02 N.
     LED = [(4 + column * 2 + row) / 0.08 * 0.020 / 5 * 1024 * 0.02 for row in range(2) for column in range(4)]
     SAFE = [0] * 8
@@ -76,9 +81,7 @@ class ServoBoard(ProgramTest):
         self.await_forces(self.SAFE)
         self.assertIn("emergency_stop by ", self.status())
         self.arm_in_vain()
-        board.send_signal(signal.SIGUSR2)
-        self.run_program(str(BRIDGE), "arm", self.shm)
-        self.await_forces(self.LED)
+        self.release_and_arm(board)
         self.assertIsNone(self.bridge.poll())
 
     def test_line_that_is_pressed_at_power_up_stops(self):
@@ -86,9 +89,7 @@ class ServoBoard(ProgramTest):
         self.await_forces(self.SAFE)
         self.assertIn("emergency_stop by board ", self.status())
         self.arm_in_vain()
-        board.send_signal(signal.SIGUSR2)
-        self.run_program(str(BRIDGE), "arm", self.shm)
-        self.await_forces(self.LED)
+        self.release_and_arm(board)
 
 
 def flat(values):
