@@ -79,15 +79,11 @@ void CollisionPipeline::begin_detection(const BodyStore& bodies, ContactList& pa
   const int body_count = bodies.size();
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
   slab_queue_.reset(member_count);
-  finds_in_order_ = member_count == 1 && partition_.slab_count() <= 2;
   // Several members replace all contacts: those that are there already need not be made again.
-  if (member_count == 1) pair_contacts.contacts.clear(), static_contacts.contacts.clear();
-  if (finds_in_order_) pair_contacts.manifolds.clear(), static_contacts.manifolds.clear();
+  if (member_count == 1) pair_contacts.clear(), static_contacts.clear();
   max_pairs_ = kMaxPairsPerBody * body_count;
   const std::size_t slabs = partition_.slab_count();
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
-  pair_output_.resize(partition_.body_runs().size());
-  static_output_.resize(partition_.body_runs().size());
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
     slab_results_[s].overloaded = slab_results_[s].has_flat_pair = false;
     slab_results_[s].expected_pair = 0;
@@ -141,10 +137,12 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   for (int s; (s = slab_queue_.take(member.index, share_of)) >= 0;) {
     SlabResults& results = slab_results_[s];
     results.member = member.index;
-    if (member.member_count == 1)
-      collide_slab_in_place(bodies, s, results, pair_contacts, static_contacts);
-    else
-      collide_slab(bodies, s, results);
+    const auto swap_lists = [&] {
+      std::swap(results.pair_contacts, pair_contacts), std::swap(results.static_contacts, static_contacts);
+    };
+    if (member.member_count == 1) swap_lists();
+    collide_slab(bodies, s, results);
+    if (member.member_count == 1) swap_lists();
     if (results.overloaded) break;
   }
   member.single([&] {
@@ -157,19 +155,16 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
       static_contacts.clear();
       return;
     }
-    assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
-    assign_output_offsets(static_output_, static_contacts, static_ranges_);
-    if (!finds_in_order_) {
-      if (member.member_count > 1) assign_contact_offsets(pair_contacts, static_contacts);
-      update_slab_weights();
-    }
+    find_slab_ranges();
+    if (member.member_count > 1) make_room(pair_contacts, static_contacts);
+    if (partition_.slab_count() > 2) update_slab_weights();
     if (has_sleepers()) add_rows_of_sleepers(bodies);
   });
-  if (overloaded_ || finds_in_order_) return;
+  if (overloaded_ || member.member_count == 1) return;
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
     const SlabResults& results = slab_results_[s];
-    merge_slab(s, pair_output_, results.pair_contacts, results.first_pair_contact, pair_contacts);
-    merge_slab(s, static_output_, results.static_contacts, results.first_static_contact, static_contacts);
+    merge(results.pair_contacts, pair_ranges_.first[s], results.first_pair_contact, pair_contacts);
+    merge(results.static_contacts, static_ranges_.first[s], results.first_static_contact, static_contacts);
   }
 }
 
@@ -214,28 +209,17 @@ void CollisionPipeline::add_rows_of_sleepers(const BodyStore& bodies) {
       if (body >= 0 && bodies.asleep[body]) partition_.add_row(body);
 }
 
-// Assigns the offsets of the body runs' manifolds in grid order, independent of slabs and members.
-void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& outputs, ContactList& list,
-                                              SlabRanges& ranges) const {
-  std::size_t offset = 0;
-  for (BodyRunOutput& output : outputs) {
-    output.to = offset;
-    offset += output.count;
-  }
-  list.manifolds.resize(offset);
-  ranges.manifold_count = offset;
-  ranges.range.clear();
-  ranges.first_range.clear();
-  for (int s = 0; s <= partition_.slab_count(); ++s)
-    ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
+void CollisionPipeline::find_slab_ranges() {
+  const auto begin = [](SlabRanges& ranges) { ranges.first.assign(1, 0); };
+  const auto add = [](SlabRanges& ranges, std::size_t count) {
+    ranges.first.push_back(ranges.first.back() + static_cast<std::int32_t>(count));
+  };
+  begin(pair_ranges_), begin(static_ranges_);
   for (int s = 0; s < partition_.slab_count(); ++s)
-    for (const std::int32_t p : partition_.body_runs_of(s))
-      ranges.range.push_back(
-          {static_cast<int>(outputs[p].to), static_cast<int>(outputs[p].to + outputs[p].count)});
+    add(pair_ranges_, slab_results_[s].pair_count), add(static_ranges_, slab_results_[s].static_count);
 }
 
-// Contacts lie slab by slab, as a single member finds them.
-void CollisionPipeline::assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts) {
+void CollisionPipeline::make_room(ContactList& pair_contacts, ContactList& static_contacts) {
   std::size_t pairs = 0, statics = 0;
   for (int s = 0; s < partition_.slab_count(); ++s) {
     SlabResults& results = slab_results_[s];
@@ -246,22 +230,18 @@ void CollisionPipeline::assign_contact_offsets(ContactList& pair_contacts, Conta
   }
   pair_contacts.contacts.resize(pairs);
   static_contacts.contacts.resize(statics);
+  pair_contacts.manifolds.resize(pair_ranges_.manifold_count());
+  static_contacts.manifolds.resize(static_ranges_.manifold_count());
 }
 
-void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& outputs,
-                                   const ContactList& list, std::int32_t first_contact,
-                                   ContactList& to_list) const {
-  for (const std::int32_t p : partition_.body_runs_of(slab)) {
-    const auto& [from, to, count] = outputs[p];
-    for (std::size_t k = 0; k < count; ++k) {
-      const Manifold& m = list.manifolds[from + k];
-      to_list.manifolds[to + k] = {m.a, m.b, m.first + first_contact, m.count};
-    }
-  }
+void CollisionPipeline::merge(const ContactList& from, std::int32_t first_manifold,
+                              std::int32_t first_contact, ContactList& to) {
+  for (const Manifold& m : from.manifolds)
+    to.manifolds[first_manifold++] = {m.a, m.b, m.first + first_contact, m.count};
   // Contact is trivially copyable in effect, but Eigen's copy constructors hide that from the compiler.
-  if (!list.contacts.empty())
-    std::memcpy(static_cast<void*>(&to_list.contacts[first_contact]),
-                static_cast<const void*>(list.contacts.data()), list.contacts.size() * sizeof(Contact));
+  if (!from.contacts.empty())
+    std::memcpy(static_cast<void*>(&to.contacts[first_contact]),
+                static_cast<const void*>(from.contacts.data()), from.contacts.size() * sizeof(Contact));
 }
 
 }  // namespace smartsurf::world

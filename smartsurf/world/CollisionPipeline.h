@@ -2,8 +2,8 @@
 // bodies and each other.
 //
 // In each step the members of a team call update_broadphase() and find_contacts() together. Members work on
-// whole slabs of the partition; contact lists are merged in grid order, so they do not depend on the number
-// of threads.
+// whole slabs of the partition; contact lists are in the order of the slabs, so they do not depend on the
+// number of threads.
 //
 // Sleepers are in a grid of their own, which stays as it is until a body falls asleep or wakes. A step costs
 // what the bodies in the other grid cost, and those sleepers that they touch.
@@ -157,23 +157,17 @@ class CollisionPipeline {
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
-    // The slab's manifolds and, of several members, its contacts, which begin here in the merged list. A
-    // single member finds all slabs' contacts in the merged list; if it finds their manifolds in order, these
-    // too.
+    // Of several members: what is merged into the lists of the step, and where its contacts begin there. A
+    // single member finds everything in those lists.
     ContactList pair_contacts, static_contacts;
     std::int32_t first_pair_contact = 0, first_static_contact = 0;
-    std::size_t contact_count = 0;
+    std::size_t pair_count = 0, static_count = 0, contact_count = 0;  // manifolds, and their contacts
     std::vector<std::pair<std::int32_t, std::int32_t>> swept_pairs;
     std::vector<std::int32_t> touched_sleepers;
     std::size_t tested_pairs = 0;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
   };
-  // The manifolds of one body run: their offset in the slab's list and in the merged list, and their number.
-  struct BodyRunOutput {
-    std::size_t from = 0, to = 0, count = 0;
-  };
-
   void compute_large_radius(const BodyStore&);
   void measure_bodies(const BodyStore&);
   bool has_sleepers() const { return grid_bodies_.size() < body_indices_.size(); }
@@ -200,9 +194,7 @@ class CollisionPipeline {
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
                     SlabResults& results) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);
-  void collide_slab_in_place(const BodyStore&, int slab, SlabResults& results, ContactList& pair_contacts,
-                             ContactList& static_contacts);
-  void collide_body_run(const BodyStore&, const SpatialPartition::BodyRun&, SlabResults& results) const;
+  void collide_bodies_in_cells(const BodyStore&, IndexRange sorted, SlabResults& results) const;
   void collide_large_bodies(const BodyStore&, SlabResults& results) const;
   void collide_static(const BodyStore&, std::size_t body, SlabResults& results) const;
   void collide_static_bodies(const BodyStore&, std::size_t body, SlabResults& results) const;
@@ -215,11 +207,11 @@ class CollisionPipeline {
   }
   void collide_pair(const BodyStore&, std::size_t i, std::size_t j, SlabResults& results) const;
   void collide_swept_pair(const BodyStore&, std::size_t a, std::size_t b, SlabResults& results) const;
-  void assign_output_offsets(std::vector<BodyRunOutput>&, ContactList&, SlabRanges&) const;
-  void assign_contact_offsets(ContactList& pair_contacts, ContactList& static_contacts);
+  void find_slab_ranges();
+  void make_room(ContactList& pair_contacts, ContactList& static_contacts);
   void update_slab_weights();
-  void merge_slab(int slab, const std::vector<BodyRunOutput>&, const ContactList& from,
-                  std::int32_t first_contact, ContactList& to) const;
+  static void merge(const ContactList& from, std::int32_t first_manifold, std::int32_t first_contact,
+                    ContactList& to);
 
   const surface::Field& field_;
   float dt_s_;
@@ -255,14 +247,11 @@ class CollisionPipeline {
   std::size_t max_pairs_ = 0;                                 // in one slab, in this step
   int swept_pairs_ = 0;                                       // of all slabs
   bool overloaded_ = false, any_flat_pair_ = false;
-  bool finds_in_order_ =
-      false;  // a single member finds the manifolds of all body runs in the order of the grid
   std::size_t support_slabs_ = 0;  // number of lists of this step in supports_
   struct SupportReference {
     std::int32_t slab, patch;  // slab < 0: none
   };
   BodyMap<SupportReference> previous_support_of_body_{{-1, -1}};
-  std::vector<BodyRunOutput> pair_output_, static_output_;  // one per body run
   SlabRanges pair_ranges_, static_ranges_;
   std::vector<std::size_t> contacts_per_slab_;  // in the last find_contacts()
   PairManifoldCache pair_cache_;

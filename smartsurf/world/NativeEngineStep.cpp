@@ -352,10 +352,9 @@ void NativeEngine::finalize_bodies(const Member& member) {
     }
   }
   flush_rotations();
-  for (const IndexRange& run : collision_.static_ranges().of(own_slabs)) {
-    sleep_.reset_timers_on_moving_cells(bodies_, static_contacts_, run);
-    record_cell_impulses(run);
-  }
+  const IndexRange own_static = collision_.static_ranges().of(own_slabs);
+  sleep_.reset_timers_on_moving_cells(bodies_, static_contacts_, own_static);
+  record_cell_impulses(own_static);
   if (bodies_.non_spheres == 0) return;  // only others have support patches
   for (int s = own_slabs.begin; s < own_slabs.end; ++s)
     sleep_.reset_timers_on_patches(bodies_, collision_.supports()[s]);

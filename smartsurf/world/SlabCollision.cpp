@@ -45,51 +45,27 @@ void drop_out_of_reach(const BodyStore& bodies, std::size_t i, float dt_s, float
 }  // namespace
 
 void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResults& results) {
-  const auto begin = [](BodyRunOutput& output, const ContactList& list) {
-    output.from = list.manifolds.size();
-  };
-  const auto end = [](BodyRunOutput& output, const ContactList& list) {
-    output.count = list.manifolds.size() - output.from;
-  };
-  const auto contact_count = [&] {
-    return results.pair_contacts.contacts.size() + results.static_contacts.contacts.size();
-  };
-  const std::size_t contacts_before = contact_count();
-  results.end_of_pairs = results.pair_contacts.manifolds.size() + max_pairs_;
+  const ContactList &pairs = results.pair_contacts, &statics = results.static_contacts;
+  const auto contact_count = [&] { return pairs.contacts.size() + statics.contacts.size(); };
+  const std::size_t pairs_before = pairs.manifolds.size(), statics_before = statics.manifolds.size(),
+                    contacts_before = contact_count();
+  results.end_of_pairs = pairs_before + max_pairs_;
   try {
-    for (const std::int32_t i : partition_.body_runs_of(slab)) {
-      begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
-      if (slab + 1 == partition_.slab_count())
-        collide_large_bodies(bodies, results);
-      else
-        collide_body_run(bodies, partition_.body_runs()[i], results);
-      end(pair_output_[i], results.pair_contacts), end(static_output_[i], results.static_contacts);
-    }
+    if (slab + 1 == partition_.slab_count())
+      collide_large_bodies(bodies, results);
+    else
+      collide_bodies_in_cells(bodies, partition_.sorted_bodies_of(slab), results);
   } catch (const Overloaded&) {
     results.overloaded = true;
   }
+  results.pair_count = pairs.manifolds.size() - pairs_before;
+  results.static_count = statics.manifolds.size() - statics_before;
   results.contact_count = contact_count() - contacts_before;
 }
 
-// Finds the slab's contacts directly in the merged lists, which replace its own during the call.
-void CollisionPipeline::collide_slab_in_place(const BodyStore& bodies, int slab, SlabResults& results,
-                                              ContactList& pair_contacts, ContactList& static_contacts) {
-  const auto swap_lists = [&] {
-    std::swap(results.pair_contacts.contacts, pair_contacts.contacts);
-    std::swap(results.static_contacts.contacts, static_contacts.contacts);
-    if (!finds_in_order_) return;
-    std::swap(results.pair_contacts.manifolds, pair_contacts.manifolds);
-    std::swap(results.static_contacts.manifolds, static_contacts.manifolds);
-  };
-  results.first_pair_contact = results.first_static_contact = 0;
-  swap_lists();
-  collide_slab(bodies, slab, results);
-  swap_lists();
-}
-
-void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
-                                         SlabResults& results) const {
-  for (int k = run.begin; k < run.end; ++k) {
+void CollisionPipeline::collide_bodies_in_cells(const BodyStore& bodies, IndexRange sorted,
+                                                SlabResults& results) const {
+  for (int k = sorted.begin; k < sorted.end; ++k) {
     const Index i = grid_->body(k);
     collide_static(bodies, i, results);
     const IndexRange neighbours = large_neighbours_of_[i];
@@ -111,10 +87,10 @@ void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialP
   }
   // The pairs of fast bodies are among the neighbours above.
   if (fast_bodies_.empty())
-    grid_->for_each_pair(run.begin, run.end,
+    grid_->for_each_pair(sorted.begin, sorted.end,
                          [&](std::int32_t i, std::int32_t j) { collide_pair(bodies, i, j, results); });
   else
-    grid_->for_each_pair(run.begin, run.end, [&](std::int32_t i, std::int32_t j) {
+    grid_->for_each_pair(sorted.begin, sorted.end, [&](std::int32_t i, std::int32_t j) {
       if (!is_fast(i) && !is_fast(j)) collide_pair(bodies, i, j, results);
     });
 }

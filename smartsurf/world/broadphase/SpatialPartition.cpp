@@ -6,7 +6,6 @@ namespace smartsurf::world {
 namespace {
 
 constexpr int kMinBodiesPerSlab = 128, kMaxSlabs = 64;  // approximate
-constexpr int kMinLines = 24;                           // cut along y if there are at least this many lines
 
 }  // namespace
 
@@ -19,98 +18,25 @@ void SpatialPartition::build(const UniformGrid& grid, int bodies) {
   if (grid.sorted_count() < 2 * kMinBodiesPerSlab && slab_count() == 2 &&
       rows_of(0).end == grid.sorted_count() && row_count() == grid.sorted_count() + large_count)
     return;
-  // Lines along x are contiguous in memory, so cut between them unless there are too few.
-  const int axis = grid.cell_count(1) >= std::min(kMinLines, grid.cell_count(0)) ? 1 : 0;
-  find_slab_edges(grid, axis);
-  find_body_runs(grid, axis);
-  const int slabs = static_cast<int>(slab_edge_.size());  // one more for the large bodies
-  body_run_.push_back({grid.sorted_count(), grid.sorted_count(), slabs - 1});
-  group_body_runs(slabs);
-  first_row_.assign(slabs + 1, 0);
-  for (const BodyRun& p : body_run_) first_row_[p.slab + 1] += p.end - p.begin;
-  first_row_.back() += static_cast<std::int32_t>(grid.large_bodies().size());
-  for (std::size_t s = 1; s < first_row_.size(); ++s) first_row_[s] += first_row_[s - 1];
+  find_first_rows(grid);
   weight_prefix_.assign(first_row_.begin(), first_row_.end());
-  active_end_.resize(slabs);
+  active_end_.resize(slab_count());
   body_of_row_.resize(row_count());
 }
 
-void SpatialPartition::count_bodies_on_lines(const UniformGrid& grid, int axis) {
-  lines_.clear();
-  const auto rows = grid.rows();
-  for (std::size_t r = 0; r + 1 < rows.size(); ++r) {
-    if (axis == 1) {
-      lines_.push_back({rows[r].y, rows[r + 1].begin - rows[r].begin});
-      continue;
-    }
-    for (int k = rows[r].begin; k < rows[r + 1].begin; ++k)
-      if (k > rows[r].begin && grid.column(k) == lines_.back().at)
-        ++lines_.back().bodies;
-      else
-        lines_.push_back({grid.column(k), 1});
+// A slab takes whole slices until it has enough bodies.
+void SpatialPartition::find_first_rows(const UniformGrid& grid) {
+  const int bodies = grid.sorted_count();
+  first_row_.assign(1, 0);
+  if (bodies >= 2 * kMinBodiesPerSlab) {
+    const int target_bodies = std::max(kMinBodiesPerSlab, bodies / kMaxSlabs);
+    const auto rows = grid.rows();
+    for (std::size_t r = 1; r + 1 < rows.size(); ++r)
+      if (rows[r].slice > rows[r - 1].slice && rows[r].begin - first_row_.back() >= target_bodies)
+        first_row_.push_back(rows[r].begin);
   }
-  std::ranges::sort(lines_, {}, &Line::at);
-}
-
-// A slab takes whole lines of cells until it has enough bodies.
-void SpatialPartition::find_slab_edges(const UniformGrid& grid, int axis) {
-  slab_edge_.assign(1, 0);
-  const int line_count = grid.cell_count(axis);
-  if (grid.sorted_count() >= 2 * kMinBodiesPerSlab) {
-    count_bodies_on_lines(grid, axis);
-    const int target_bodies = std::max(kMinBodiesPerSlab, grid.sorted_count() / kMaxSlabs);
-    int bodies = 0;
-    for (std::size_t i = 0; i < lines_.size() && lines_[i].at + 1 < line_count; ++i) {
-      bodies += lines_[i].bodies;
-      const bool ends_line = i + 1 == lines_.size() || lines_[i + 1].at > lines_[i].at;
-      if (!ends_line || bodies < target_bodies) continue;
-      slab_edge_.push_back(lines_[i].at + 1);
-      bodies = 0;
-    }
-  }
-  slab_edge_.push_back(line_count);
-}
-
-// Bodies that follow each other in the same layer and slab, on one row unless slabs hold whole rows.
-void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
-  body_run_.clear();
-  const int slabs = static_cast<int>(slab_edge_.size()) - 1;
-  if (slabs == 1) {
-    if (grid.sorted_count() > 0) body_run_.push_back({0, grid.sorted_count(), 0});
-    return;
-  }
-  const auto rows = grid.rows();
-  int slab = 0;
-  auto add = [&](int begin, int end, int line, bool continues) {
-    if (!continues) slab = 0;
-    const int previous = slab;
-    while (line >= slab_edge_[slab + 1]) ++slab;
-    if (continues && slab == previous)
-      body_run_.back().end = end;
-    else
-      body_run_.push_back({begin, end, slab});
-  };
-  for (std::size_t r = 0; r + 1 < rows.size(); ++r) {
-    if (axis == 1) {
-      add(rows[r].begin, rows[r + 1].begin, rows[r].y, r > 0 && rows[r].z == rows[r - 1].z);
-      continue;
-    }
-    for (int k = rows[r].begin; k < rows[r + 1].begin; ++k) add(k, k + 1, grid.column(k), k > rows[r].begin);
-  }
-}
-
-// A counting sort of the body runs by slab.
-void SpatialPartition::group_body_runs(int slabs) {
-  first_run_of_slab_.assign(slabs + 1, 0);
-  for (const BodyRun& p : body_run_) ++first_run_of_slab_[p.slab + 1];
-  for (std::size_t s = 1; s < first_run_of_slab_.size(); ++s)
-    first_run_of_slab_[s] += first_run_of_slab_[s - 1];
-  runs_by_slab_.resize(body_run_.size());
-  for (std::size_t p = 0; p < body_run_.size(); ++p)
-    runs_by_slab_[first_run_of_slab_[body_run_[p].slab]++] = static_cast<std::int32_t>(p);
-  for (std::size_t s = first_run_of_slab_.size() - 1; s > 0; --s)
-    first_run_of_slab_[s] = first_run_of_slab_[s - 1];
-  first_run_of_slab_[0] = 0;
+  first_row_.push_back(bodies);
+  first_row_.push_back(bodies + static_cast<std::int32_t>(grid.large_bodies().size()));
 }
 
 void SpatialPartition::set_contact_counts(std::span<const std::size_t> contacts) {
@@ -152,12 +78,10 @@ void SpatialPartition::assign_rows(const BodyStore& bodies, const UniformGrid& g
       body_of_row_[row] = body;
       row_of_body_[body] = row;
     };
-    for (const std::int32_t p : body_runs_of(s)) {
-      const BodyRun& run = body_run_[p];
-      for (int k = run.begin; k < run.end; ++k) assign(grid.body(k));
-    }
     if (s + 1 == slab_count())
       for (const std::int32_t body : grid.large_bodies()) assign(body);
+    else
+      for (int k = rows.begin; k < rows.end; ++k) assign(grid.body(k));
     active_end_[s] = active_end;
   }
 }

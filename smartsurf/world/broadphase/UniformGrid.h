@@ -1,11 +1,14 @@
 // The broad phase: a uniform grid over bodies of similar size. The few much larger bodies are kept in a list
 // and query the grid.
 //
-// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are
-// not many more than the bodies, an array over all cells holds where each begins; a sparse world has a list
-// of its occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they
-// are. A few bodies are sorted, for the order of the results, and all tested. Results and their order depend
-// on positions and indices only, not on the number of members.
+// A cell has a column, a layer and a slice. Layers are stacked along z, slices along y, or along x if the
+// grid is longer there and has few cells along y, and columns follow each other along the axis that is left.
+// Bodies are sorted by slice, then by layer, then by column: a region of slices is contiguous in memory, and
+// so are neighbouring cells of a row, the columns of one layer and slice. While the cells are not many more
+// than the bodies, an array over all cells holds where each begins; a sparse world has a list of its occupied
+// rows instead, so that the cost depends on the bodies only, however far apart they are. A few bodies are
+// sorted, for the order of the results, and all tested. Results and their order depend on positions and
+// indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
@@ -41,16 +44,17 @@ class UniformGrid {
 
   std::int32_t body(int sorted) const { return sorted_bodies_[sorted]; }
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
-  // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
-  int cell_count(int axis) const { return cell_count_[axis]; }
-  // An occupied row of cells along x, of more than kFew bodies. Its bodies reach up to `begin` of the next
-  // row, in sorted order.
+  // The axis along which slices are stacked: 0 (x) or 1 (y).
+  int slice_axis() const { return axis_[kSlice]; }
+  int slice_count() const { return cell_count_[kSlice]; }
+  // An occupied row, of more than kFew bodies. Its bodies reach up to `begin` of the next row, in sorted
+  // order.
   struct Row {
-    std::int32_t y, z, begin;
+    std::int32_t slice, layer, begin;
   };
   // In sorted order, with one more at the end whose `begin` is sorted_count().
   std::span<const Row> rows() const { return rows_; }
-  // The cell of a body along x, of more than kFew.
+  // The column of a body, of more than kFew.
   int column(int sorted) const { return column_[sorted]; }
   std::span<const std::int32_t> large_bodies() const { return large_bodies_; }
 
@@ -65,28 +69,39 @@ class UniformGrid {
  private:
   static constexpr std::size_t kFew = 16;  // so many are all tested with each other
   static constexpr int kMaxCellRuns = 5;   // of the 14 cells searched per body: half of its neighbourhood
-  // Clamped to the grid; 0 for NaN. In double precision where there are too many cells for single precision.
-  int cell_of(float u, int axis) const {
-    auto clamped = [last = cell_count_[axis] - 1](auto c) {
+  enum Coordinate { kColumn, kLayer, kSlice };
+  // A coordinate of the cell of a position. Clamped to the grid; 0 for NaN. In double precision where there
+  // are too many cells for single precision.
+  int cell_of(const Vec3& position, Coordinate k) const {
+    const float u = position[axis_[k]], origin = origin_[k];
+    auto clamped = [last = cell_count_[k] - 1](auto c) {
       return !(c > 0) ? 0 : c >= static_cast<decltype(c)>(last) ? last : static_cast<int>(c);
     };
-    if (is_dense_) return clamped((u - origin_[axis]) * inverse_size_);
-    return clamped((static_cast<double>(u) - static_cast<double>(origin_[axis])) *
+    if (is_dense_) return clamped((u - origin) * inverse_size_);
+    return clamped((static_cast<double>(u) - static_cast<double>(origin)) *
                    static_cast<double>(inverse_size_));
   }
-  int index(int x, int y, int z) const { return (z * cell_count_[1] + y) * cell_count_[0] + x; }
-  // x and y may be one past the last cell.
-  int first_in_cell(int x, int y, int z) const { return cell_start_[index(x, y, z)]; }
-  // A body, its cell and that one's y.
+  // The place of a cell in the order of the cells.
+  std::uint64_t key_of(const Vec3& position) const {
+    const auto at = [&](Coordinate k) { return static_cast<std::uint64_t>(cell_of(position, k)); };
+    const auto count = [&](Coordinate k) { return static_cast<std::uint64_t>(cell_count_[k]); };
+    return (at(kSlice) * count(kLayer) + at(kLayer)) * count(kColumn) + at(kColumn);
+  }
+  // Dense only.
+  int row_index(int layer, int slice) const { return slice * cell_count_[kLayer] + layer; }
+  int index(int column, int layer, int slice) const {
+    return row_index(layer, slice) * cell_count_[kColumn] + column;
+  }
+  // A body, its cell and that one's slice.
   struct CellBody {
-    std::int32_t cell, line, body;
+    std::int32_t cell, slice, body;
   };
   // Working memory of one member, on cache lines of its own.
   struct alignas(128) MemberState {
     Vec3 low, high;
     float max_radius;
-    std::vector<std::int32_t> small, large;     // of its bodies
-    std::vector<CellBody> in_lines, elsewhere;  // dense: bodies in its lines of cells; its bodies in others'
+    std::vector<std::int32_t> small, large;      // of its bodies
+    std::vector<CellBody> in_slices, elsewhere;  // dense: bodies in its slices; its bodies in others'
   };
   // A body and the place of its cell in the order of the cells.
   struct BodyKey {
@@ -108,9 +123,9 @@ class UniformGrid {
     return &*std::ranges::upper_bound(rows_, sorted, {}, &Row::begin) - 1;
   }
   // Sparse only. Index of a row, or of the next one after it in sorted order.
-  int find_row(int y, int z) const;
-  // Sparse only. The bodies of a row in the columns x0 to x1.
-  IndexRange find_in_row(const Row* row, int x0, int x1) const;
+  int find_row(int layer, int slice) const;
+  // Sparse only. The bodies of a row in the columns `first` to `last`.
+  IndexRange find_in_row(const Row* row, int first, int last) const;
 
   // Calls found(self, other) for the bodies in the runs whose spheres overlap that of the body at `self`.
   template <class Found>
@@ -123,13 +138,14 @@ class UniformGrid {
   template <class Found>
   void test_box(const Vec3& low, const Vec3& high, IndexRange sorted, Found& found) const;
 
-  Vec3 origin_{0, 0, 0};
-  float inverse_size_ = 1.0F;
+  int axis_[3] = {0, 2, 1};      // by coordinate: along x, y or z
+  float origin_[3] = {0, 0, 0};  // by coordinate, like the next
   int cell_count_[3] = {1, 1, 1};
+  float inverse_size_ = 1.0F;
   bool is_dense_ = true, is_few_ = true;
   std::vector<std::int32_t>
       cell_start_;  // dense, by cell: first position in sorted order; one more at the end
-  std::vector<std::int32_t> row_start_;  // dense, the same of rows of cells along x, occupied or not
+  std::vector<std::int32_t> row_start_;  // dense, the same of rows, occupied or not
   std::vector<Row> rows_;
   std::vector<std::int32_t> sorted_bodies_, large_bodies_;  // body indices
   std::vector<std::int32_t> column_;                        // by sorted position
@@ -177,19 +193,19 @@ void UniformGrid::for_each_pair_dense(int begin, int end, Found& found) const {
   const Row* row = row_of(begin);
   for (int self = begin; self < end; ++self) {
     while (self >= (row + 1)->begin) ++row;
-    const int cx = column(self), cy = row->y, cz = row->z;
-    const int x0 = cx > 0 ? cx - 1 : 0, x1 = cx + 1 < cell_count_[0] ? cx + 1 : cx;
-    IndexRange runs[kMaxCellRuns] = {{self + 1, cell_start_[index(x1, cy, cz) + 1]}};
+    const int at = column(self), first = at > 0 ? at - 1 : 0,
+              last = at + 1 < cell_count_[kColumn] ? at + 1 : at;
+    IndexRange runs[kMaxCellRuns] = {{self + 1, cell_start_[index(last, row->layer, row->slice) + 1]}};
     std::size_t n = 1;
-    for (int z = cz; z <= cz + 1 && z < cell_count_[2]; ++z)
-      for (int y = z == cz ? cy + 1 : cy - 1; y <= cy + 1; ++y)
-        if (y >= 0 && y < cell_count_[1])
-          runs[n++] = {cell_start_[index(x0, y, z)], cell_start_[index(x1, y, z) + 1]};
+    for (int slice = row->slice; slice <= row->slice + 1 && slice < cell_count_[kSlice]; ++slice)
+      for (int layer = row->layer + (slice == row->slice ? 1 : -1); layer <= row->layer + 1; ++layer)
+        if (layer >= 0 && layer < cell_count_[kLayer])
+          runs[n++] = {cell_start_[index(first, layer, slice)], cell_start_[index(last, layer, slice) + 1]};
     // In a small world one run over the bodies between costs less: those that are not near do not overlap
     // either.
     constexpr int kShortRun = 16;
-    const int last = runs[n - 1].end;
-    if (last - self <= kShortRun) runs[0].end = last, n = 1;
+    const int end_of_runs = runs[n - 1].end;
+    if (end_of_runs - self <= kShortRun) runs[0].end = end_of_runs, n = 1;
     test_runs(self, {runs, n}, found);
   }
 }
@@ -203,10 +219,11 @@ void UniformGrid::for_each_pair_sparse(int begin, int end, Found& found) const {
     IndexRange cursors[kMaxCellRuns] = {{self + 1, self + 1}};
     int row_ends[kMaxCellRuns] = {(row + 1)->begin};
     std::size_t n = 1;
-    for (const auto& [y, z] : {std::pair{row->y + 1, row->z}, std::pair{row->y - 1, row->z + 1},
-                               std::pair{row->y, row->z + 1}, std::pair{row->y + 1, row->z + 1}}) {
-      const Index r = find_row(y, z);
-      if (r + 1 == std::ssize(rows_) || rows_[r].y != y || rows_[r].z != z) continue;
+    for (const auto& [layer, slice] :
+         {std::pair{row->layer + 1, row->slice}, std::pair{row->layer - 1, row->slice + 1},
+          std::pair{row->layer, row->slice + 1}, std::pair{row->layer + 1, row->slice + 1}}) {
+      const Index r = find_row(layer, slice);
+      if (r + 1 == std::ssize(rows_) || rows_[r].layer != layer || rows_[r].slice != slice) continue;
       const int first = find_in_row(&rows_[r], column(self) - 1, column(self)).begin;
       cursors[n] = {first, first};
       row_ends[n++] = rows_[r + 1].begin;
@@ -241,24 +258,28 @@ void UniformGrid::for_each_in_box(const Vec3& low, const Vec3& high, Found found
   if (sorted_bodies_.empty()) return;
   if (is_few_) return test_box(low, high, {0, sorted_count()}, found);
   // A cell is twice the largest radius wide, so spheres stick out of their cell by at most half its size.
-  const float max_radius = 0.5F / inverse_size_;
+  const Vec3 reach = Vec3::Constant(0.5F / inverse_size_);
   int from[3], to[3];
-  for (int k = 0; k < 3; ++k)
-    from[k] = cell_of(low[k] - max_radius, k), to[k] = cell_of(high[k] + max_radius, k);
+  for (const Coordinate k : {kColumn, kLayer, kSlice})
+    from[k] = cell_of(low - reach, k), to[k] = cell_of(high + reach, k);
   if (is_dense_) {
-    for (int z = from[2]; z <= to[2]; ++z)
-      for (int y = from[1]; y <= to[1]; ++y)
-        test_box(low, high, {first_in_cell(from[0], y, z), cell_start_[(index(to[0], y, z)) + 1]}, found);
+    for (int slice = from[kSlice]; slice <= to[kSlice]; ++slice)
+      for (int layer = from[kLayer]; layer <= to[kLayer]; ++layer)
+        test_box(low, high,
+                 {cell_start_[index(from[kColumn], layer, slice)],
+                  cell_start_[index(to[kColumn], layer, slice) + 1]},
+                 found);
     return;
   }
-  auto row_at = [this](int y, int z) { return &rows_[find_row(y, z)]; };
-  for (const Row* row = row_at(from[1], from[2]); row != &rows_.back() && row->z <= to[2];) {
-    if (row->y < from[1])
-      row = row_at(from[1], row->z);
-    else if (row->y > to[1])
-      row = row_at(from[1], row->z + 1);
+  auto row_at = [this](int layer, int slice) { return &rows_[find_row(layer, slice)]; };
+  for (const Row* row = row_at(from[kLayer], from[kSlice]);
+       row != &rows_.back() && row->slice <= to[kSlice];) {
+    if (row->layer < from[kLayer])
+      row = row_at(from[kLayer], row->slice);
+    else if (row->layer > to[kLayer])
+      row = row_at(from[kLayer], row->slice + 1);
     else
-      test_box(low, high, find_in_row(row++, from[0], to[0]), found);
+      test_box(low, high, find_in_row(row++, from[kColumn], to[kColumn]), found);
   }
 }
 

@@ -23,9 +23,9 @@ void PreviousContacts::for_each_own(const ContactList& list, const SlabRanges& r
     assert(range.end <= std::ssize(list.manifolds));
     for (Index i = range.begin; i < range.end; ++i) each(i);
   };
-  if (!same_member_count_ || ranges.manifold_count != list.manifolds.size())
-    return for_range(member.share(static_cast<int>(list.manifolds.size())));
-  for (const IndexRange& run : ranges.of(index_[member.index].slabs)) for_range(run);
+  const int count = static_cast<int>(list.manifolds.size());
+  for_range(same_member_count_ && ranges.manifold_count() == count ? ranges.of(index_[member.index].slabs)
+                                                                   : member.share(count));
 }
 
 void PreviousContacts::build_index(std::size_t bodies, const SlabRanges& pair_ranges,

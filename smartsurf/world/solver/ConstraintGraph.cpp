@@ -6,39 +6,38 @@
 
 namespace smartsurf::world {
 
-void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_contacts,
-                            const SlabRanges& pair_ranges, const ContactList& static_contacts,
-                            const SlabRanges& static_ranges, IndexRange slabs, const Member& member) {
-  member.single([&] {
-    colour_pairs(bodies, pair_contacts);
-    first_static_ = pair_contacts.manifolds.size();
-    manifold_key_.resize(first_static_ + static_contacts.manifolds.size());
-    sorted_manifolds_.resize(manifold_key_.size());
-    key_offsets_.resize(member.member_count);
-    member_batches_.resize(key_offsets_.size());
-  });
+void ConstraintGraph::build(const Input& in, IndexRange slabs, const Member& member) {
+  member.single([&] { begin(in, member.member_count); });
   KeyOffsets& own_offsets = key_offsets_[member.index];
   std::fill_n(own_offsets.begin(), kPointCountBuckets * group_count(), 0);
-  count_keys(bodies, pair_contacts, pair_ranges, slabs, true, own_offsets);
-  count_keys(bodies, static_contacts, static_ranges, slabs, false, own_offsets);
+  count_keys(in.bodies, in.pair_contacts, in.pair_ranges, slabs, true, own_offsets);
+  count_keys(in.bodies, in.static_contacts, in.static_ranges, slabs, false, own_offsets);
   member.single([&] { compute_key_offsets(); });
-  sort_manifolds(pair_ranges, slabs, 0, own_offsets);
-  sort_manifolds(static_ranges, slabs, first_static_, own_offsets);
-  member.single([&] { pack_batches(pair_contacts, static_contacts); });
+  sort_manifolds(in.pair_ranges, slabs, 0, own_offsets);
+  sort_manifolds(in.static_ranges, slabs, first_static_, own_offsets);
+}
+
+void ConstraintGraph::begin(const Input& in, int member_count) {
+  colour_pairs(in);
+  first_static_ = in.pair_contacts.manifolds.size();
+  manifold_key_.resize(first_static_ + in.static_contacts.manifolds.size());
+  sorted_manifolds_.resize(manifold_key_.size());
+  key_offsets_.resize(member_count);
+  member_batches_.resize(member_count);
 }
 
 // Greedy colouring in list order: the lowest colour that neither body has yet, or kMaxColours for overflow.
-void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& pair_contacts) {
-  const bool are_few = 2 * pair_contacts.manifolds.size() < bodies.id.size();
-  if (are_few && body_colours_.size() >= bodies.id.size())
-    for (const Manifold& m : pair_contacts.manifolds) body_colours_[m.a] = body_colours_[m.b] = 0;
+void ConstraintGraph::colour_pairs(const Input& in) {
+  const std::vector<Manifold>& manifolds = in.pair_contacts.manifolds;
+  const std::size_t bodies = in.bodies.id.size();
+  if (2 * manifolds.size() < bodies && body_colours_.size() >= bodies)
+    for (const Manifold& m : manifolds) body_colours_[m.a] = body_colours_[m.b] = 0;
   else
-    body_colours_.assign(bodies.size(), 0);
-  manifold_colour_.resize(pair_contacts.manifolds.size());
+    body_colours_.assign(bodies, 0);
+  manifold_colour_.resize(manifolds.size());
   int last = -1;
-  for (std::size_t i = 0; i < pair_contacts.manifolds.size(); ++i) {
-    std::uint64_t& a = body_colours_[pair_contacts.manifolds[i].a];
-    std::uint64_t& b = body_colours_[pair_contacts.manifolds[i].b];
+  for (std::size_t i = 0; i < manifolds.size(); ++i) {
+    std::uint64_t &a = body_colours_[manifolds[i].a], &b = body_colours_[manifolds[i].b];
     const int colour = std::countr_one(a | b);
     manifold_colour_[i] = static_cast<std::uint8_t>(colour);
     last = std::max(last, colour);
@@ -54,78 +53,66 @@ void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& p
 void ConstraintGraph::count_keys(const BodyStore& bodies, const ContactList& list, const SlabRanges& ranges,
                                  IndexRange slabs, bool pair, KeyOffsets& count) {
   const std::size_t key_base = pair ? 0 : first_static_;
-  for (const IndexRange& run : ranges.of(slabs))
-    for (int i = run.begin; i < run.end; ++i) {
-      const Manifold& m = list.manifolds[i];
-      const bool all_spheres = bodies.is_sphere[m.a] && (!pair || bodies.is_sphere[m.b]);
-      const int group = (pair ? manifold_colour_[i] : colour_count_) * 2 + (all_spheres ? 0 : 1);
-      const int key = group * kPointCountBuckets + kPointCountBuckets - std::min(m.count, kPointCountBuckets);
-      manifold_key_[key_base + i] = static_cast<std::int16_t>(key);
-      ++count[key];
-    }
+  const IndexRange own = ranges.of(slabs);
+  for (int i = own.begin; i < own.end; ++i) {
+    const Manifold& m = list.manifolds[i];
+    const bool all_spheres = bodies.is_sphere[m.a] && (!pair || bodies.is_sphere[m.b]);
+    const int group = (pair ? manifold_colour_[i] : colour_count_) * 2 + (all_spheres ? 0 : 1);
+    const int key = group * kPointCountBuckets + kPointCountBuckets - std::min(m.count, kPointCountBuckets);
+    manifold_key_[key_base + i] = static_cast<std::int16_t>(key);
+    ++count[key];
+  }
 }
 
 void ConstraintGraph::compute_key_offsets() {
-  const auto is_empty = [this](int first_key) {
-    std::int32_t any = 0;
-    for (const KeyOffsets& counts : key_offsets_)
-      for (int key = first_key; key < first_key + kPointCountBuckets; ++key) any |= counts[key];
-    return any == 0;
-  };
   std::int32_t offset = 0;
   const auto assign = [&offset](std::int32_t& count) { offset += std::exchange(count, offset); };
-  for (int group = 0; group < group_count(); ++group) {
-    const int first_key = group * kPointCountBuckets, end_key = first_key + kPointCountBuckets;
-    if (is_empty(first_key)) continue;  // small worlds spend their steps on such loops
-    if (is_overflow(group))
-      for (int key = first_key; key < end_key; ++key)
-        for (KeyOffsets& offsets : key_offsets_) assign(offsets[key]);
-    else
-      for (KeyOffsets& offsets : key_offsets_)
-        for (int key = first_key; key < end_key; ++key) assign(offsets[key]);
-  }
+  for (KeyOffsets& own : key_offsets_)
+    for (int group = 0; group < group_count(); ++group) {
+      const int first_key = group * kPointCountBuckets, end_key = first_key + kPointCountBuckets;
+      if (is_overflow(group)) {
+        for (int key = first_key; &own == &key_offsets_.back() && key < end_key; ++key)
+          for (KeyOffsets& offsets : key_offsets_) assign(offsets[key]);
+        continue;
+      }
+      std::int32_t any = 0;
+      for (int key = first_key; key < end_key; ++key) any |= own[key];
+      if (any == 0) continue;  // small worlds spend their steps on such loops
+      for (int key = first_key; key < end_key; ++key) assign(own[key]);
+    }
 }
 
 void ConstraintGraph::sort_manifolds(const SlabRanges& ranges, IndexRange slabs, std::size_t first_key,
                                      KeyOffsets& next_slot) {
-  for (const IndexRange& run : ranges.of(slabs))
-    for (int i = run.begin; i < run.end; ++i) {
-      const std::int16_t key = manifold_key_[first_key + i];
-      sorted_manifolds_[next_slot[key]++] = i;
-    }
+  const IndexRange own = ranges.of(slabs);
+  for (int i = own.begin; i < own.end; ++i) sorted_manifolds_[next_slot[manifold_key_[first_key + i]]++] = i;
 }
 
 // ---- batches
 
-void ConstraintGraph::pack_batches(const ContactList& pair_contacts, const ContactList& static_contacts) {
+void ConstraintGraph::pack_batches(const Input& in) {
   batch_start_.assign(1, 0);
   first_point_.assign(1, 0);
-  colours_.clear();
-  for (MemberBatchRanges& own : member_batches_) own.clear();
-  const auto end_colour = [this] {
-    for (MemberBatchRanges& own : member_batches_) own.end_colour();
-  };
-  for (int c = 0; c < colour_count_; ++c) {
-    colours_.push_back({pack_group(kSpherePair, 2 * c, pair_contacts),
-                        pack_group(kGeneralPair, 2 * c + 1, pair_contacts), is_overflow(2 * c)});
-    end_colour();
+  for (std::size_t m = 0; m < member_batches_.size(); ++m) {
+    member_batches_[m].clear();
+    for (int c = 0; c < colour_count_; ++c) {
+      pack_group(kSpherePair, 2 * c, m, in.pair_contacts);
+      pack_group(kGeneralPair, 2 * c + 1, m, in.pair_contacts);
+      member_batches_[m].end_colour();
+    }
+    pack_group(kSphereStatic, 2 * colour_count_, m, in.static_contacts);
+    pack_group(kGeneralStatic, 2 * colour_count_ + 1, m, in.static_contacts);
+    member_batches_[m].end_colour();
   }
-  sphere_static_ = pack_group(kSphereStatic, 2 * colour_count_, static_contacts);
-  general_static_ = pack_group(kGeneralStatic, 2 * colour_count_ + 1, static_contacts);
-  end_colour();
   batch_.resize(batch_start_.size() - 1);
 }
 
-BatchRange ConstraintGraph::pack_group(ContactKind kind, int group, const ContactList& list) {
-  BatchRange all{kind, static_cast<int>(batch_start_.size()) - 1, 0};
-  // The overflow set belongs to the last member, the caller, whose part of it comes last.
+void ConstraintGraph::pack_group(ContactKind kind, int group, std::size_t member, const ContactList& list) {
   const bool in_order = is_overflow(group);
-  for (std::size_t m = in_order ? key_offsets_.size() - 1 : 0; m < key_offsets_.size(); ++m) {
-    const int count = pack_lanes(group, in_order ? 1 : kLanes, key_offsets_[m], list);
-    member_batches_[m].append({kind, all.first + all.count, count});
-    all.count += count;
-  }
-  return all;
+  if (in_order && member + 1 < member_batches_.size()) return;
+  const int first = static_cast<int>(batch_start_.size()) - 1;
+  member_batches_[member].append(
+      {kind, first, pack_lanes(group, in_order ? 1 : kLanes, key_offsets_[member], list)});
 }
 
 // Packs the manifolds up to the end of the group's last key. Returns the number of batches.

@@ -51,31 +51,38 @@ struct BatchRangesByColour {
 
 class ConstraintGraph {
  public:
-  // The slab ranges together hold every manifold once; `slabs` are those of the member. All members call
-  // this, and must meet at a barrier before they read the batches of others.
-  void build(const BodyStore&, const ContactList& pair_contacts, const SlabRanges& pair_ranges,
-             const ContactList& static_contacts, const SlabRanges& static_ranges, IndexRange slabs,
-             const Member&);
+  struct Input {
+    const BodyStore& bodies;
+    const ContactList &pair_contacts, &static_contacts;
+    const SlabRanges &pair_ranges, &static_ranges;
+  };
+  // Colours the manifolds and sorts them. Called by all members; `slabs` are those of the member.
+  void build(const Input&, IndexRange slabs, const Member&);
+  // Then packs the batches. Called by one thread, before any member reads them.
+  void pack_batches(const Input&);
 
   // Colours must be solved one after the other, the batches of a colour in any order. The last colour may be
-  // the overflow set of manifolds that found no colour: one lane per batch, to be solved in order.
-  struct Colour {
-    BatchRange spheres, general;
-    bool is_overflow = false;
-  };
-  const std::vector<Colour>& colours() const { return colours_; }
-  // Static contacts: one manifold per body.
-  BatchRange sphere_static() const { return sphere_static_; }
-  BatchRange general_static() const { return general_static_; }
+  // the overflow set of manifolds that found no colour: one lane per batch, to be solved in order. Static
+  // contacts come last: one manifold per body.
+  int colour_count() const { return colour_count_; }
+  bool has_overflow() const { return colour_count_ > kMaxColours; }
 
-  // The batches of the member's slabs of the i-th colour; for i = colours().size(), those of static contacts.
-  // The overflow set belongs to the caller of Team::run.
+  // The batches of the member's slabs of the i-th colour; for i = colour_count(), those of static contacts.
+  // The overflow set belongs to the caller of Team::run. The batches of a member lie together in memory.
   std::span<const BatchRange> own_batches(const Member& member, std::size_t i) const {
     return member_batches_[member.index].of(i);
   }
   // The member's batches of all colours.
   std::span<const BatchRange> own_batches(const Member& member) const {
     return member_batches_[member.index].ranges;
+  }
+
+  // Calls each(kind, batch) for the batches of all members.
+  template <class Each>
+  void for_each_batch(Each each) const {
+    for (const MemberBatchRanges& of_member : member_batches_)
+      for (const BatchRange& range : of_member.ranges)
+        for (int i = range.first; i < range.first + range.count; ++i) each(range.kind, i);
   }
 
   int batch_count() const { return static_cast<int>(batch_.size()); }
@@ -95,8 +102,8 @@ class ConstraintGraph {
 
  private:
   // Key of a manifold: its group (colour and kind), then its number of points, descending, clamped to
-  // kPointCountBuckets. Manifolds are sorted by group, member, key and slab, those of the overflow set by
-  // key and slab.
+  // kPointCountBuckets. Manifolds are sorted by member, key and slab, those of the overflow set, which belong
+  // to the last member, by key and slab.
   static constexpr int kMaxColours = 64;  // not counting the overflow set and static contacts
   static constexpr int kPointCountBuckets = 16;
   static constexpr std::size_t kMaxKeys = 2 * (kMaxColours + 2) * kPointCountBuckets;
@@ -104,14 +111,14 @@ class ConstraintGraph {
   struct alignas(128) MemberBatchRanges : BatchRangesByColour {};
 
   int group_count() const { return 2 * (colour_count_ + 1); }
-  bool is_overflow(int group) const { return group / 2 == kMaxColours && kMaxColours < colour_count_; }
-  void colour_pairs(const BodyStore&, const ContactList& pair_contacts);
+  bool is_overflow(int group) const { return group / 2 == kMaxColours && has_overflow(); }
+  void begin(const Input&, int member_count);
+  void colour_pairs(const Input&);
   void count_keys(const BodyStore&, const ContactList&, const SlabRanges&, IndexRange slabs, bool pair,
                   KeyOffsets&);
   void compute_key_offsets();
   void sort_manifolds(const SlabRanges&, IndexRange slabs, std::size_t first_key, KeyOffsets& next_slot);
-  void pack_batches(const ContactList& pair_contacts, const ContactList& static_contacts);
-  BatchRange pack_group(ContactKind, int group, const ContactList&);
+  void pack_group(ContactKind, int group, std::size_t member, const ContactList&);
   int pack_lanes(int group, int lanes, const KeyOffsets& ends, const ContactList&);
 
   std::vector<std::uint64_t> body_colours_;  // by body: bit mask of the colours of its manifolds
@@ -126,8 +133,6 @@ class ConstraintGraph {
   // The first position in sorted_manifolds_ and the first point of each batch; one more at the end.
   std::vector<std::int32_t> batch_start_, first_point_;
   std::vector<ContactBatch> batch_;
-  std::vector<Colour> colours_;
-  BatchRange sphere_static_, general_static_;
   std::vector<MemberBatchRanges> member_batches_;  // one per member
 };
 

@@ -114,13 +114,15 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
                              (params.mass_scale * params.bias_rate);
     // Deflection relative to that of the direct solver.
     const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
+    const bool is_loaded = loading > kHeavyLoad * weight_impulse;
+    if (!is_loaded && !of_unequal && excess <= kDeepTogether) continue;
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.
     const Vec3 normal = load_lane(points.point[o.first_point].normal, lane);  // from b to a
     const float up = -weight.dot(normal);
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const bool is_heavy = loading > kHeavyLoad * weight_impulse || may_bear || excess > kDeepAlone;
+    const bool is_heavy = is_loaded || may_bear || excess > kDeepAlone;
     if (!is_heavy && excess <= kDeepTogether) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];

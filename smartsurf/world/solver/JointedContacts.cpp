@@ -67,16 +67,12 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
     }
   };
   lanes_.clear();
-  const auto visit = [&](const BatchRange& range) {
-    for (int i = range.first; i < range.first + range.count; ++i) {
-      const ContactBatch& o = graph.batch(i);
-      for (int lane = 0; lane < o.lane_count; ++lane)
-        if (is_jointed(o.a[lane]) || (is_pair(range.kind) && is_jointed(o.b[lane])))
-          lanes_.push_back({graph.rank(range.kind, i, lane), i, lane, range.kind});
-    }
-  };
-  for (const ConstraintGraph::Colour& c : graph.colours()) visit(c.spheres), visit(c.general);
-  visit(graph.sphere_static()), visit(graph.general_static());
+  graph.for_each_batch([&](ContactKind kind, int i) {
+    const ContactBatch& o = graph.batch(i);
+    for (int lane = 0; lane < o.lane_count; ++lane)
+      if (is_jointed(o.a[lane]) || (is_pair(kind) && is_jointed(o.b[lane])))
+        lanes_.push_back({graph.rank(kind, i, lane), i, lane, kind});
+  });
   std::ranges::sort(lanes_, {}, &Lane::rank);
   for (const Lane& l : lanes_) add_lane(graph.batch(l.batch), l.kind, l.lane);
 }

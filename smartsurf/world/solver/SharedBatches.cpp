@@ -33,7 +33,7 @@ void SharedBatches::split_batches(const ConstraintGraph& graph, const Member& me
   MemberBatches& batches = member_batches_[member.index];
   batches.shared.clear();
   batches.own.clear();
-  for (std::size_t i = 0; i <= graph.colours().size(); ++i) {
+  for (int i = 0; i <= graph.colour_count(); ++i) {
     for (const BatchRange& run : graph.own_batches(member, i))
       for (int o = run.first; o < run.first + run.count; ++o) {
         auto& list = touches_shared_row(graph.batch(o)) ? batches.shared : batches.own;

@@ -64,9 +64,14 @@ void Solver::set_up(const StepSettings& settings) {
 
 void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   const IndexRange own_slabs = input.partition.share(member);
-  graph_.build(bodies, input.pair_contacts, input.pair_ranges, input.static_contacts, input.static_ranges,
-               own_slabs, member);
+  const ConstraintGraph::Input contacts{.bodies = bodies,
+                                        .pair_contacts = input.pair_contacts,
+                                        .static_contacts = input.static_contacts,
+                                        .pair_ranges = input.pair_ranges,
+                                        .static_ranges = input.static_ranges};
+  graph_.build(contacts, own_slabs, member);
   member.single([&] {
+    graph_.pack_batches(contacts);
     has_supports_ =
         std::ranges::any_of(input.supports, [](const SupportPatches& s) { return !s.patches.empty(); });
     resize_buffers(input.partition, member.member_count, !input.cell_limits.empty());
@@ -376,7 +381,7 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     run(serial_batches_.ranges);
     if (!has_supports_ && heavy_islands_.empty()) return;
   } else {
-    for (std::size_t i = 0; i <= graph_.colours().size(); ++i) {
+    for (int i = 0; i <= graph_.colour_count(); ++i) {
       // Own batches touch no row of another member's contacts, but the stage before may have changed any row.
       const auto shared = shared_batches_.shared(member, i);
       if (i == 0 || !shared.empty()) member.wait();

@@ -7,7 +7,6 @@
 #include <map>
 #include <random>
 #include <set>
-#include <span>
 #include <tuple>
 #include <vector>
 
@@ -35,27 +34,25 @@ struct Tangle {
     }
     for (int i = 0; i < n; i += 2) add(world, i, Manifold::kStatic, 1 + i % 5);
   }
-  // Slabs of a hundred manifolds; those in the second half of the list consist of two ranges each.
-  static SlabRanges runs(const ContactList& list) {
+  // Slabs of a hundred manifolds; the last ones are empty.
+  static SlabRanges ranges(const ContactList& list) {
     SlabRanges r;
     const int n = static_cast<int>(list.manifolds.size());
-    for (int at = 0; at < n; at += 100) {
-      r.first_range.push_back(static_cast<std::int32_t>(r.range.size()));
-      const int end = std::min(at + 100, n), middle = at < n / 2 ? at : (at + end) / 2;
-      if (at < middle) r.range.push_back({at, middle});
-      r.range.push_back({middle, end});
-    }
-    r.first_range.resize(kSlabs + 1, static_cast<std::int32_t>(r.range.size()));
+    for (int s = 1; s <= kSlabs; ++s) r.first.push_back(std::min(100 * s, n));
+    EXPECT_EQ(r.manifold_count(), n);
     return r;
   }
   void build(ConstraintGraph& graph, const Member& member) const {
-    graph.build(bodies, pairs, runs(pairs), world, runs(world), member.share(kSlabs), member);
+    const SlabRanges pair_ranges = ranges(pairs), world_ranges = ranges(world);
+    const ConstraintGraph::Input in{bodies, pairs, world, pair_ranges, world_ranges};
+    graph.build(in, member.share(kSlabs), member);
+    member.single([&] { graph.pack_batches(in); });
   }
   void build(ConstraintGraph& graph) const {
     Barrier alone(1);
     build(graph, Member{0, 1, alone});
   }
-  static constexpr int kSlabs = 10;
+  static constexpr int kSlabs = 15;
   static void add(ContactList& list, int a, int b, int count) {
     list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), count});
     list.contacts.resize(list.contacts.size() + static_cast<std::size_t>(count));
@@ -68,25 +65,25 @@ TEST(ConstraintGraph, BodiesUniquePerColourAndAllManifoldsScheduled) {
   const Tangle t(200, 600);
   ConstraintGraph graph;
   t.build(graph);
+  EXPECT_TRUE(graph.has_overflow()) << "the test must exercise the overflow set";
   std::multiset<int> scheduled;
-  bool any_in_order = false;
-  for (const auto& colour : graph.colours()) {
+  Barrier barrier(1);
+  for (int colour = 0; colour < graph.colour_count(); ++colour) {
+    const bool is_overflow = graph.has_overflow() && colour + 1 == graph.colour_count();
     std::multiset<int> bodies;
-    for (const BatchRange& run : {colour.spheres, colour.general})
+    for (const BatchRange& run : graph.own_batches(Member{0, 1, barrier}, colour))
       for (int o = run.first; o < run.first + run.count; ++o) {
         const ContactBatch& batch = graph.reset_batch(o);
-        EXPECT_LE(batch.lane_count, colour.is_overflow ? 1 : kLanes);
+        EXPECT_LE(batch.lane_count, is_overflow ? 1 : kLanes);
         for (int lane = 0; lane < batch.lane_count; ++lane) {
           scheduled.insert(graph.manifold(o, lane));
           const Manifold& m = t.pairs.manifolds[static_cast<std::size_t>(graph.manifold(o, lane))];
           EXPECT_LE(m.count, batch.point_count);
-          if (!colour.is_overflow) bodies.insert({m.a, m.b});
+          if (!is_overflow) bodies.insert({m.a, m.b});
         }
       }
     for (const int b : bodies) EXPECT_EQ(bodies.count(b), 1u);
-    any_in_order |= colour.is_overflow;
   }
-  EXPECT_TRUE(any_in_order) << "the test must exercise the overflow set";
   EXPECT_EQ(scheduled.size(), t.pairs.manifolds.size());
   EXPECT_EQ(std::set<int>(scheduled.begin(), scheduled.end()).size(), scheduled.size());
 }
@@ -96,54 +93,46 @@ TEST(ConstraintGraph, SchedulesEachStaticManifoldOnce) {
   ConstraintGraph graph;
   t.build(graph);
   std::set<int> bodies;
-  for (const BatchRange& run : {graph.sphere_static(), graph.general_static()})
-    for (int o = run.first; o < run.first + run.count; ++o)
-      for (int lane = 0; lane < graph.reset_batch(o).lane_count; ++lane) {
-        const Manifold& m = t.world.manifolds[static_cast<std::size_t>(graph.manifold(o, lane))];
-        EXPECT_TRUE(bodies.insert(m.a).second);
-        EXPECT_LE(m.count, graph.batch(o).point_count);
-      }
+  graph.for_each_batch([&](ContactKind kind, int o) {
+    if (is_pair(kind)) return;
+    for (int lane = 0; lane < graph.reset_batch(o).lane_count; ++lane) {
+      const Manifold& m = t.world.manifolds[static_cast<std::size_t>(graph.manifold(o, lane))];
+      EXPECT_TRUE(bodies.insert(m.a).second);
+      EXPECT_LE(m.count, graph.batch(o).point_count);
+    }
+  });
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
 
 namespace {
 
-// A graph that several members have built, and its batches by member.
+// A graph that several members have built.
 struct SharedGraph {
   ConstraintGraph graph;
-  std::vector<std::span<const BatchRange>> of_members;
-  SharedGraph(const Tangle& t, int members) {
+  int members;
+  SharedGraph(const Tangle& t, int count) : members(count) {
     common::ThreadPool pool(members, 0.0);
     Team team(&pool);
     team.run(true, [&](const Member& member) { t.build(graph, member); });
-    Barrier barrier(members);
-    for (int m = 0; m < members; ++m) of_members.push_back(graph.own_batches(Member{m, members, barrier}));
   }
-  // Calls each(member, kind, batch, lane) for all lanes.
+  // Calls each(member, colour, kind, batch, lane) for all lanes.
   template <class Each>
   void for_each_lane(Each each) const {
-    for (std::size_t m = 0; m < of_members.size(); ++m)
-      for (const BatchRange& run : of_members[m])
-        for (int o = run.first; o < run.first + run.count; ++o)
-          for (int lane = 0; lane < graph.lane_count(o); ++lane) each(static_cast<int>(m), run.kind, o, lane);
+    Barrier barrier(members);
+    for (int m = 0; m < members; ++m)
+      for (int colour = 0; colour <= graph.colour_count(); ++colour)
+        for (const BatchRange& run : graph.own_batches(Member{m, members, barrier}, colour))
+          for (int o = run.first; o < run.first + run.count; ++o)
+            for (int lane = 0; lane < graph.lane_count(o); ++lane) each(m, colour, run.kind, o, lane);
   }
   // Each manifold and its colour, in the order of their ranks.
-  std::vector<std::tuple<bool, int, std::size_t>> ranked() const {
-    const auto colour_of = [this](int batch) {
-      const auto has = [&](const ConstraintGraph::Colour& c) {
-        const auto in = [&](const BatchRange& run) {
-          return batch >= run.first && batch < run.first + run.count;
-        };
-        return in(c.spheres) || in(c.general);
-      };
-      return static_cast<std::size_t>(std::ranges::find_if(graph.colours(), has) - graph.colours().begin());
-    };
-    std::map<std::pair<int, int>, std::tuple<bool, int, std::size_t>> by_rank;
-    for_each_lane([&](int, ContactKind kind, int batch, int lane) {
-      const std::tuple manifold(is_pair(kind), graph.manifold(batch, lane), colour_of(batch));
+  std::vector<std::tuple<bool, int, int>> ranked() const {
+    std::map<std::pair<int, int>, std::tuple<bool, int, int>> by_rank;
+    for_each_lane([&](int, int colour, ContactKind kind, int batch, int lane) {
+      const std::tuple manifold(is_pair(kind), graph.manifold(batch, lane), colour);
       EXPECT_TRUE(by_rank.insert({graph.rank(kind, batch, lane), manifold}).second);
     });
-    std::vector<std::tuple<bool, int, std::size_t>> order;
+    std::vector<std::tuple<bool, int, int>> order;
     for (const auto& [rank, manifold] : by_rank) order.push_back(manifold);
     return order;
   }
@@ -158,28 +147,37 @@ TEST(ConstraintGraph, SameColoursAndRanksForAnyThreadCount) {
   for (const int members : {2, 3, 7}) EXPECT_EQ(SharedGraph(t, members).ranked(), alone) << members;
 }
 
+// What a member writes in each substep stays in its cache.
+TEST(ConstraintGraph, BatchesOfAMemberLieTogether) {
+  const Tangle t(400, 1300);
+  const SharedGraph s(t, 3);
+  int last = -1, last_member = 0;
+  s.for_each_lane([&](int m, int, ContactKind, int batch, int) {
+    EXPECT_GE(m, last_member);
+    EXPECT_GE(batch, last);
+    EXPECT_LE(batch, last + 1);
+    last = batch, last_member = m;
+  });
+  EXPECT_EQ(last + 1, s.graph.batch_count());
+}
+
 TEST(ConstraintGraph, MembersHaveTheBatchesOfTheirSlabs) {
   const Tangle t(400, 1300);
   for (const int members : {2, 3, 7}) {
     SharedGraph s(t, members);
     Barrier barrier(members);
     const int last = members - 1;
-    s.for_each_lane([&](int m, ContactKind kind, int batch, int lane) {
+    s.for_each_lane([&](int m, int colour, ContactKind kind, int batch, int lane) {
       const int manifold = s.graph.manifold(batch, lane);
       const ContactList& list = is_pair(kind) ? t.pairs : t.world;
       EXPECT_LE(list.manifolds[static_cast<std::size_t>(manifold)].count,
                 s.graph.reset_batch(batch).point_count);
-      const bool in_order =
-          s.graph.colours().back().is_overflow && batch >= s.graph.colours().back().spheres.first;
-      if (in_order && is_pair(kind)) {
+      if (s.graph.has_overflow() && colour + 1 == s.graph.colour_count()) {
         EXPECT_EQ(m, last) << "the caller of Team::run has the overflow set";
         return;
       }
-      const SlabRanges ranges = Tangle::runs(list);
-      const auto own = ranges.of(Member{m, members, barrier}.share(Tangle::kSlabs));
-      EXPECT_TRUE(std::ranges::any_of(
-          own, [&](const IndexRange& r) { return r.begin <= manifold && manifold < r.end; }))
-          << members << " " << m << " " << manifold;
+      const IndexRange own = Tangle::ranges(list).of(Member{m, members, barrier}.share(Tangle::kSlabs));
+      EXPECT_TRUE(own.begin <= manifold && manifold < own.end) << members << " " << m << " " << manifold;
     });
   }
 }

@@ -18,26 +18,20 @@ constexpr int kSlabs = 12, kRowsOfSlab = 60, kRows = kSlabs * kRowsOfSlab;
 struct Chain {
   BodyStore bodies;
   ContactList pairs, world;
-  SlabRanges pair_runs, world_runs;
+  SlabRanges pair_ranges, world_ranges;
   Chain() {
     std::mt19937 random(5);
     for (int i = 0; i < kRows; ++i) bodies.add(static_cast<scene::ObjectId>(i), {}, {});
     for (int i = 0; i < kRows; ++i) {
-      if (i % kRowsOfSlab == 0) begin_slab();
       for (const int by : {1, 2, 5, 9})
         if (i + by < kRows && random() % 3 != 0) add(pairs, i, i + by);
       if (random() % 2 == 0) add(world, i, Manifold::kStatic);
+      if (i % kRowsOfSlab == kRowsOfSlab - 1) end_slab();
     }
-    begin_slab();
   }
-  void begin_slab() {
-    auto begin = [](SlabRanges& runs, const ContactList& list) {
-      const int at = static_cast<int>(list.manifolds.size());
-      if (!runs.first_range.empty())
-        runs.range.push_back({runs.range.empty() ? 0 : runs.range.back().end, at});
-      runs.first_range.push_back(static_cast<std::int32_t>(runs.range.size()));
-    };
-    begin(pair_runs, pairs), begin(world_runs, world);
+  void end_slab() {
+    pair_ranges.first.push_back(static_cast<std::int32_t>(pairs.manifolds.size()));
+    world_ranges.first.push_back(static_cast<std::int32_t>(world.manifolds.size()));
   }
   static void add(ContactList& list, int a, int b) {
     list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
@@ -76,8 +70,13 @@ struct Shared {
   void work(const Member& member) {
     const IndexRange slabs = member.share(kSlabs);
     const IndexRange own_rows{slabs.begin * kRowsOfSlab, slabs.end * kRowsOfSlab};
-    graph.build(chain.bodies, chain.pairs, chain.pair_runs, chain.world, chain.world_runs, slabs, member);
-    member.single([&] { shared_batches.resize(kRows, member.member_count); });
+    const ConstraintGraph::Input in{chain.bodies, chain.pairs, chain.world, chain.pair_ranges,
+                                    chain.world_ranges};
+    graph.build(in, slabs, member);
+    member.single([&] {
+      graph.pack_batches(in);
+      shared_batches.resize(kRows, member.member_count);
+    });
     shared_batches.clear_marks(own_rows);
     member.arrive_and_wait();
     for (const BatchRange& run : graph.own_batches(member))
@@ -111,7 +110,7 @@ TEST(SharedBatches, OwnBatchesShareNoBodiesWithOtherMembers) {
     int all = 0, shared = 0;
     for (int m = 0; m < members; ++m) {
       const Member member{m, members, none};
-      for (std::size_t c = 0; c <= s.graph.colours().size(); ++c) {
+      for (int c = 0; c <= s.graph.colour_count(); ++c) {
         moved[m].merge(rows_of(s.graph, s.graph.own_batches(member, c)));
         own[m].merge(rows_of(s.graph, s.shared_batches.own(member, c)));
         all += count_of(s.shared_batches.own(member, c)) + count_of(s.shared_batches.shared(member, c));
@@ -133,6 +132,6 @@ TEST(SharedBatches, OwnBatchesShareNoBodiesWithOtherMembers) {
 TEST(SharedBatches, SingleMemberHasNoSharedBatches) {
   const Shared s(1);
   Barrier none(1);
-  for (std::size_t c = 0; c <= s.graph.colours().size(); ++c)
+  for (int c = 0; c <= s.graph.colour_count(); ++c)
     EXPECT_TRUE(s.shared_batches.shared(Member{0, 1, none}, c).empty());
 }

@@ -47,25 +47,16 @@ const Vec3 kTables[] = {{20, 60, 6}, {60, 20, 6}, {300, 2, 2}};
 
 }  // namespace
 
-TEST(SpatialPartition, BodyRunsPartitionGridOrder) {
+TEST(SpatialPartition, SlabsFollowEachOtherInGridOrder) {
   for (const Vec3& size : kTables) {
     const Heap h(1500, size);
     EXPECT_GE(h.slabs.slab_count(), 6);
     int next = 0;
-    for (const SpatialPartition::BodyRun& p : h.slabs.body_runs()) {
-      EXPECT_EQ(p.begin, next);
-      next = p.end;
+    for (int s = 0; s + 1 < h.slabs.slab_count(); ++s) {
+      EXPECT_EQ(h.slabs.sorted_bodies_of(s).begin, next);
+      next = h.slabs.sorted_bodies_of(s).end;
     }
     EXPECT_EQ(next, h.grid.sorted_count());
-    std::size_t pieces = 0;
-    for (int s = 0; s < h.slabs.slab_count(); ++s) {
-      EXPECT_EQ(h.slabs.first_body_run_of(s), pieces);
-      for (const std::int32_t p : h.slabs.body_runs_of(s)) {
-        EXPECT_EQ(h.slabs.body_runs()[static_cast<std::size_t>(p)].slab, s);
-        ++pieces;
-      }
-    }
-    EXPECT_EQ(pieces, h.slabs.body_runs().size());
   }
 }
 
@@ -127,5 +118,4 @@ TEST(SpatialPartition, SharesAreCompleteAndBalanced) {
 TEST(SpatialPartition, FewBodiesFormOneSlab) {
   const Heap h(100, kTables[0]);
   EXPECT_EQ(h.slabs.slab_count(), 2) << "large bodies form a slab of their own";
-  EXPECT_EQ(h.slabs.body_runs().size(), 2u);
 }

@@ -96,7 +96,7 @@ TEST(Grid, SameOrderForAnyNumberOfMembers) {
       cloud.reach[7] = 20.0F;  // large
       const auto order_of = [](const UniformGrid& grid) {
         std::vector<std::array<int, 3>> order;
-        for (const UniformGrid::Row& row : grid.rows()) order.push_back({row.y, row.z, row.begin});
+        for (const UniformGrid::Row& row : grid.rows()) order.push_back({row.slice, row.layer, row.begin});
         for (int k = 0; k < grid.sorted_count(); ++k) order.push_back({grid.body(k), grid.column(k), 0});
         for (const std::int32_t body : grid.large_bodies()) order.push_back({body, 0, 0});
         return order;
@@ -138,7 +138,9 @@ TEST(Grid, FewBodiesAreInTheOrderOfTheirCells) {
       }
       std::ranges::stable_sort(small, {}, [&](int i) {
         const Vec3 cell = (cloud.position[static_cast<std::size_t>(i)] - low) * (1.0F / (2.0F * widest));
-        return std::tuple(std::floor(cell.z()), std::floor(cell.y()), std::floor(cell.x()));
+        const float across = std::floor(cell[grid.slice_axis()]),
+                    along = std::floor(cell[1 - grid.slice_axis()]);
+        return std::tuple(across, std::floor(cell.z()), along);
       });
       ASSERT_EQ(grid.sorted_count(), std::ssize(small));
       std::vector<std::pair<int, int>> expected, found;
@@ -174,7 +176,7 @@ TEST(Grid, FarBodiesShareNoCells) {
     EXPECT_EQ(rows.back().begin, 3000);
     for (std::size_t r = 0; r + 1 < rows.size(); ++r)
       for (int k = rows[r].begin; k < rows[r + 1].begin; ++k)
-        ++bodies_in_cell[{grid.column(k), rows[r].y, rows[r].z}];
+        ++bodies_in_cell[{grid.column(k), rows[r].slice, rows[r].layer}];
     for (const auto& [cell, bodies] : bodies_in_cell) EXPECT_LE(bodies, 3) << size;
   }
 }
