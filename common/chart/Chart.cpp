@@ -15,8 +15,6 @@ namespace {
 
 constexpr double kTickLength = 4.0, kTickLabelSize = 11.0, kTitleSize = 13.0;
 
-constexpr double kMinTextScale = 0.7;
-
 bool is_continuation(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 0x80; }  // of UTF-8
 
 void select_font(cairo_t* cr, double size, bool bold) {
@@ -30,7 +28,7 @@ constexpr double kRightRoom = 20.0;                           // of tick labels 
 constexpr double kTitleDistance = 44.0, kTitleRoom = 22.0;    // from the area to the title of y, and beyond
 constexpr double kXTitleDistance = 36.0, kXTitleRoom = 16.0;  // from the area to the title of x, and beyond
 constexpr double kLineHeight = 12.0;                          // of tick labels
-constexpr double kMaxUpright = 0.15;                          // of the axis: length of upright names
+constexpr double kMaxUpright = 0.4;                           // of the height: length of upright names
 constexpr double kDigitWidth = 0.66 * kTickLabelSize;         // an estimate from above
 
 struct Ticks {
@@ -75,8 +73,12 @@ std::array<std::string, 2> lines_of(const std::string& name) {
   return {name.substr(0, space), space == name.npos ? "" : name.substr(space + 1)};
 }
 
-// The length of the categories' names where they stand upright; 0 where they fit side by side.
-double upright_length(const std::vector<std::string>& categories, double width) {
+// How the categories' names are drawn, all in one size.
+struct NameLayout {
+  double upright = 0.0;  // the most that they take upright; 0: they stand side by side
+  double size = kTickLabelSize;
+};
+NameLayout lay_out_names(const std::vector<std::string>& categories, double width, double max_upright) {
   const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> surface(
       cairo_image_surface_create(CAIRO_FORMAT_A8, 1, 1), cairo_surface_destroy);
   const std::unique_ptr<cairo_t, void (*)(cairo_t*)> cr(cairo_create(surface.get()), cairo_destroy);
@@ -87,12 +89,20 @@ double upright_length(const std::vector<std::string>& categories, double width) 
       widest = std::max(widest, text_width(cr.get(), line, kTickLabelSize));
   }
   const double slot = width / std::max(1.0, static_cast<double>(categories.size()));
-  return kMinTextScale * widest <= slot ? 0.0 : std::min(longest, kMaxUpright * width);
+  const auto size_in = [](double room, double length) {
+    return kTickLabelSize * std::clamp(room / std::max(length, 1.0), kMinTextScale, 1.0);
+  };
+  if (kMinTextScale * widest <= slot) return {0.0, size_in(slot, widest)};
+  return {std::min(longest, max_upright), size_in(max_upright, longest)};
 }
 
-double x_title_distance(const Axis& axis, double width) {
-  const double upright = upright_length(axis.categories, width);
-  return upright > 0.0 ? kLabelGap + upright + kLineHeight : kXTitleDistance;
+// Of the height of an area and the room below it, the names take kMaxUpright, without gaps and title.
+NameLayout names_below(const Axis& axis, const PlotArea& area) {
+  return lay_out_names(axis.categories, area.width, kMaxUpright / (1.0 - kMaxUpright) * area.height);
+}
+
+double x_title_distance(const NameLayout& names) {
+  return names.upright > 0.0 ? kLabelGap + names.upright + kLineHeight : kXTitleDistance;
 }
 
 std::uint32_t pack_rgb24(const Rgba& ink) {
@@ -109,7 +119,10 @@ double y_axis_room(const Axis& axis, double height) {
   return kTitleRoom + std::max(kTitleDistance, kDigitWidth * static_cast<double>(longest) + 2.0 * kLabelGap);
 }
 
-double x_axis_room(const Axis& axis, double width) { return x_title_distance(axis, width) + kXTitleRoom; }
+double x_axis_room(const Axis& axis, double width, double height) {
+  const double most = kMaxUpright * (height - kLabelGap - kLineHeight - kXTitleRoom);
+  return x_title_distance(lay_out_names(axis.categories, width, most)) + kXTitleRoom;
+}
 
 double Axis::fraction(double value) const {
   if (!log) return (value - min) / (max - min);
@@ -135,14 +148,14 @@ double text_width(cairo_t* cr, const std::string& text, double size) {
 }
 
 void draw_text(cairo_t* cr, double x, double y, const std::string& any_text, double size, Align align,
-               bool bold, double max_width) {
+               bool bold, double max_width, double min_scale) {
   select_font(cr, size, bold);
   const std::string whole_text = printable(any_text);  // Cairo draws nothing after a text that is not UTF-8
   std::string text = whole_text;
   cairo_text_extents_t extents;
   cairo_text_extents(cr, text.c_str(), &extents);
   if (extents.x_advance > max_width) {
-    cairo_set_font_size(cr, size * std::max(max_width / extents.x_advance, kMinTextScale));
+    cairo_set_font_size(cr, size * std::max(max_width / extents.x_advance, min_scale));
     cairo_text_extents(cr, text.c_str(), &extents);
     for (std::size_t kept = text.size(); kept > 0 && extents.x_advance > 1.001 * max_width;) {
       do --kept;
@@ -186,21 +199,22 @@ void Chart::draw_grid(cairo_t* cr) const {
 // Upright names that are closer than a line are thinned out.
 void Chart::draw_categories(cairo_t* cr) const {
   const double slot = area_.width / std::max(1.0, static_cast<double>(x_.categories.size()));
-  const double upright = upright_length(x_.categories, area_.width);
+  const auto [upright, size] = names_below(x_, area_);
   const Index step =
       upright > 0.0 ? std::max<Index>(1, static_cast<Index>(std::ceil(kLineHeight / slot))) : 1;
   for (Index i = 0; i < std::ssize(x_.categories); i += step) {
     const double x = px(static_cast<double>(i)), y = area_.bottom() + kTickLength + kLineHeight;
     if (upright == 0.0) {
       const auto [first, second] = lines_of(x_.categories[i]);
-      draw_text(cr, x, y, first, kTickLabelSize, Align::kCentre, false, slot);
-      draw_text(cr, x, y + kLineHeight, second, kTickLabelSize, Align::kCentre, false, slot);
+      draw_text(cr, x, y, first, size, Align::kCentre);
+      draw_text(cr, x, y + kLineHeight, second, size, Align::kCentre);
       continue;
     }
     cairo_save(cr);
     cairo_translate(cr, x + 0.35 * kTickLabelSize, area_.bottom() + kLabelGap);
     cairo_rotate(cr, -0.5 * std::numbers::pi);
-    draw_text(cr, 0.0, 0.0, x_.categories[i], kTickLabelSize, Align::kRight, false, upright);
+    constexpr double kRounding = 1.05;  // of the widths of glyphs, which depend on the size
+    draw_text(cr, 0.0, 0.0, x_.categories[i], size, Align::kRight, false, kRounding * upright, 1.0);
     cairo_restore(cr);
   }
 }
@@ -235,8 +249,8 @@ void Chart::draw_axes(cairo_t* cr) const {
     draw_text(cr, area_.left - kLabelGap, y + 4.0, ticks.labels[i], kTickLabelSize, Align::kRight);
     widest = std::max(widest, text_width(cr, ticks.labels[i], kTickLabelSize));
   }
-  draw_text(cr, area_.left + area_.width / 2.0, area_.bottom() + x_title_distance(x_, area_.width), x_.title,
-            kTitleSize, Align::kCentre);
+  draw_text(cr, area_.left + area_.width / 2.0, area_.bottom() + x_title_distance(names_below(x_, area_)),
+            x_.title, kTitleSize, Align::kCentre);
   cairo_save(cr);
   cairo_translate(cr, area_.left - std::max(kTitleDistance, widest + 2.0 * kLabelGap),
                   area_.top + area_.height / 2.0);

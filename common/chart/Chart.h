@@ -37,8 +37,8 @@ struct PlotArea {
 double y_axis_room(const Axis& axis, double height);
 
 // The room that the tick labels or the categories, and the title, of an x axis need below the area. Names of
-// categories that do not fit side by side stand upright.
-double x_axis_room(const Axis& axis, double width);
+// categories that do not fit side by side stand upright. height: of the area and that room.
+double x_axis_room(const Axis& axis, double width, double height);
 
 // A picture that can be drawn on any Cairo context.
 class Figure {
@@ -75,10 +75,12 @@ void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vect
 
 void set_pen(cairo_t* cr, const Rgba& colour, double line_width = 1.0);
 void draw_line(cairo_t* cr, double x1, double y1, double x2, double y2);
-// Draws text with its baseline at y, no wider than `max_width`: scaled down as far as it can be read, then
-// cut with "…".
+// The least share of a text's size at which it can be read.
+inline constexpr double kMinTextScale = 0.7;
+// Draws text with its baseline at y, no wider than `max_width`: scaled down to `min_scale`, then cut with
+// "…".
 void draw_text(cairo_t* cr, double x, double y, const std::string& text, double size, Align align,
-               bool bold = false, double max_width = 1e9);
+               bool bold = false, double max_width = 1e9, double min_scale = kMinTextScale);
 double text_width(cairo_t* cr, const std::string& text, double size);
 
 }  // namespace common

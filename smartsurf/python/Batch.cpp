@@ -41,6 +41,13 @@ class Batch {
                      surface.rows, surface.columns};
   }
 
+  // Ends recordings that are still open with the episodes as they are.
+  ~Batch() {
+    if (!recorder_) return;
+    batch_->observe_episodes(nullptr);
+    for (int i = 0; i < batch_->world_count(); ++i) recorder_->on_destruction(i, batch_->world(i));
+  }
+
   // For what does not change after construction: another thread may be using the worlds.
   const EnvironmentBatch& batch() const { return *batch_; }
   const Environment& world(int index) const { return batch_->world(check(index)); }

@@ -45,6 +45,7 @@ class EpisodeRecording {
     meta.versions = {{"physics", environment.simulation().engine().version()}};
     for (const scene::Extension& extension : environment.scene().surface.extensions())
       meta.extensions.push_back({extension.name, extension.hash});
+    owner_ = record::Owner();
     recorder_ = record::open_recorder(path, meta, environment.scene());
     record_frame(environment);
     if (environment.has_parameters()) recorder_->mark_user_interaction(0);
@@ -60,10 +61,16 @@ class EpisodeRecording {
   void stop(const Environment& environment) {
     if (!recorder_) return;
     const std::unique_ptr<record::Recorder> recorder = std::move(recorder_);
+    if (owner_.is_child()) return;
     const scene::Snapshot& last = environment.simulation().snapshot();
     const simulation::Verdict verdict = environment.verdict();
-    recorder->close(
-        {environment.outcome(), last.tick, last.time_s, last.state_hash, verdict.success, verdict.success_s});
+    recorder->close({environment.outcome(), last.tick, last.time_s, last.state_hash, verdict.success,
+                     verdict.success_s, environment.metrics()});
+  }
+  // For destructors, which cannot report errors.
+  void stop_quietly(const Environment& environment) noexcept try {
+    stop(environment);
+  } catch (const std::exception&) {
   }
 
  private:
@@ -77,6 +84,7 @@ class EpisodeRecording {
         spec.actuators ? s.actuators() : std::span<const scene::ChannelData>{}, environment.metrics());
   }
 
+  record::Owner owner_;
   std::unique_ptr<record::Recorder> recorder_;
 };
 
@@ -111,6 +119,9 @@ class BatchRecorder final : public simulation::EpisodeObserver {
   }
   void on_end(int world, const Environment& environment) override {
     with(world, [&](EpisodeRecording& recording) { recording.stop(environment); });
+  }
+  void on_destruction(int world, const Environment& environment) noexcept {
+    with(world, [&](EpisodeRecording& recording) { recording.stop_quietly(environment); });
   }
 
  private:

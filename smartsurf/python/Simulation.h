@@ -33,6 +33,8 @@ class Simulation {
                       static_cast<py::ssize_t>(surface.rows), static_cast<py::ssize_t>(surface.columns)});
     refresh();
   }
+  // Ends a recording that is still open with the episode as it is.
+  ~Simulation() { recording_.stop_quietly(environment_); }
 
   // For what does not change after construction: another thread may be using the environment.
   const Environment& environment() const { return environment_; }

@@ -79,6 +79,7 @@ struct RunResult {
   std::optional<std::uint64_t> state_hash = {};  // of the final state; nullopt: of an observed surface
   std::optional<bool> success = {};              // the experiment's goal was reached; nullopt: it has none
   std::optional<double> success_s = {};          // when it was first reached
+  std::vector<NamedNumber> metrics = {};         // their values after on_finish; NaN: none
 };
 
 class Recorder {

@@ -170,12 +170,24 @@ std::string state_text(const Recording& recording) {
   return hash_text(recording.state_hashes().back()) + " at the last frame";
 }
 
-// A metric's first and last value; "" without any.
-std::string metric_text(const Recording& recording, const std::string& name) {
-  std::vector<double> values = recording.read_metric(name);
-  std::erase_if(values, [](double value) { return !std::isfinite(value); });
-  if (values.empty()) return "";
-  return concat(name, ": ", values.front(), " at the start, ", values.back(), " at the end");
+// A line for each metric, by name: its first value and its last one, that of on_finish.
+void write_metrics(std::ostream& out, const Recording& recording) {
+  std::map<std::string, std::vector<std::string>> facts;
+  std::map<std::string, double> at_end;
+  if (recording.result()) at_end = {recording.result()->metrics.begin(), recording.result()->metrics.end()};
+  for (const std::string& name : recording.metric_names()) {
+    std::vector<double> values = recording.read_metric(name);
+    std::erase_if(values, [](double value) { return !std::isfinite(value); });
+    if (values.empty()) continue;
+    facts[name] = {concat(values.front(), " at the start")};
+    if (!at_end.contains(name)) facts[name].push_back(concat(values.back(), " at the last frame"));
+  }
+  for (const auto& [name, value] : at_end)
+    if (std::isfinite(value))
+      facts[name].push_back(concat(value, " at the end"));
+    else if (facts.contains(name))
+      facts[name].emplace_back("none at the end");
+  for (const auto& [name, texts] : facts) write_line(out, "metric", name + ": " + common::join(texts));
 }
 
 std::string success_text(const Recording& recording) {
@@ -212,8 +224,7 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "frames", frames_text(recording));
   write_line(out, "outcome", outcome_text(recording));
   write_line(out, "state hash", state_text(recording));
-  for (const std::string& name : recording.metric_names())
-    write_line(out, "metric", metric_text(recording, name));
+  write_metrics(out, recording);
   write_line(out, "success", success_text(recording));
   return out.str();
 }

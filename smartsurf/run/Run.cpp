@@ -488,7 +488,7 @@ void Run::finish() {
   final_summary_ = summary();
   const RunSummary& s = *final_summary_;
   for (const auto& recorder : recorders_)
-    recorder->close({s.outcome, s.ticks, s.simulated_s, s.state_hash, s.success, s.success_s});
+    recorder->close({s.outcome, s.ticks, s.simulated_s, s.state_hash, s.success, s.success_s, s.metrics});
   if (!options_.stats_file.empty()) write_stats();
   // Closing the surface lets the controller exit by itself before it is terminated, unless it has a window,
   // which stays open as long as this run's.

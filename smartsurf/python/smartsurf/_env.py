@@ -33,6 +33,20 @@ def box(channels: Sequence[Channel], rows: int, columns: int) -> gymnasium.space
                                 np.broadcast_to(high[:, None, None], shape).astype(np.float32), shape, np.float32)
 
 
+def random_streams(space: gymnasium.Space[Any]) -> list[Any]:
+    """The generators that a space draws from, for a copy; those of a Dict's spaces follow its own."""
+    inner = space.spaces.values() if isinstance(space, gymnasium.spaces.Dict) else ()
+    return [space._np_random, *(stream for each in inner for stream in random_streams(each))]
+
+
+def set_random_streams(space: gymnasium.Space[Any], streams: list[Any]) -> None:
+    space._np_random, *rest = streams
+    for each in space.spaces.values() if isinstance(space, gymnasium.spaces.Dict) else ():
+        count = len(random_streams(each))
+        set_random_streams(each, rest[:count])
+        rest = rest[count:]
+
+
 class Env(gymnasium.Env[FloatArray, ArrayLike]):
     """An experiment, or a surface that another process runs, as an environment.
 
@@ -137,7 +151,8 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
             raise TypeError("an Env of a live surface cannot be pickled: attach where the surface is needed")
         if self._record is not None:
             warnings.warn("a copy of this environment does not record: its folder has the episodes of this one", stacklevel=2)
-        return _unpickled, (type(self), self.simulation, self._arguments, self._np_random, self._np_random_seed)
+        return _unpickled, (type(self), self.simulation, self._arguments, self._np_random, self._np_random_seed,
+                            random_streams(self.action_space), random_streams(self.observation_space))
 
     def render(self) -> Any:
         if self.render_mode == "rgb_array":
@@ -161,10 +176,13 @@ class Env(gymnasium.Env[FloatArray, ArrayLike]):
         self.simulation = Closed()  # type: ignore[assignment]
 
 
-def _unpickled(cls: type[Env], simulation: Simulation, arguments: Info, random: Any, seed: int | None) -> Env:
+def _unpickled(cls: type[Env], simulation: Simulation, arguments: Info, random: Any, seed: int | None, of_actions: list[Any],
+               of_observations: list[Any]) -> Env:
     env = cls(**simulation._arguments, **arguments)
     env.simulation = simulation
     env._np_random, env._np_random_seed = random, seed
+    set_random_streams(env.action_space, of_actions)
+    set_random_streams(env.observation_space, of_observations)
     return env
 
 

@@ -11,7 +11,7 @@ import pettingzoo
 from numpy.typing import ArrayLike
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ._env import box
+from ._env import box, random_streams, set_random_streams
 from ._files import PathName
 from ._simulation import Options, Simulation
 from ._surface import Closed, FloatArray, draw_seed, finite, real_array, whole
@@ -153,7 +153,7 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         if self.task is not None:
             raise TypeError("a parallel environment of a task cannot be pickled: send the task")
         return _unpickled, (self._block, self._radius, self.render_mode, self._strict, self.simulation, self.agents,
-                            self._random)
+                            self._random, random_streams(self._action_space), random_streams(self._observation_space))
 
     def render(self) -> Any:
         if self.render_mode != "rgb_array":
@@ -164,9 +164,11 @@ class ParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
 
 
 def _unpickled(block: int, radius: int, render_mode: str | None, strict: bool, simulation: Simulation, agents: list[str],
-               random: np.random.Generator) -> ParallelEnv:
+               random: np.random.Generator, of_actions: list[Any], of_observations: list[Any]) -> ParallelEnv:
     env = ParallelEnv(simulation, block, radius, render_mode=render_mode, strict=strict)
     env.agents, env._random = agents, random
+    set_random_streams(env._action_space, of_actions)
+    set_random_streams(env._observation_space, of_observations)
     return env
 
 

@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, _parameters
-from ._env import box
+from ._env import box, random_streams, set_random_streams
 from ._files import PathName, folder_of_episodes, path_text
 from ._parameters import Numbers, Range
 from ._picture import CameraLike, core_camera
@@ -29,6 +29,7 @@ Flags = NDArray[np.bool_]
 Worlds = Union[ArrayLike, None]  # numbers of worlds, a mask, or None for all
 Stepped = tuple[FloatArray, Numbers, Flags, Flags, Info]
 
+_SPACES = ("action_space", "single_action_space", "observation_space", "single_observation_space")
 _AUTORESET = {AutoresetMode.NEXT_STEP: 0, AutoresetMode.SAME_STEP: 1, AutoresetMode.DISABLED: 2}
 
 
@@ -418,11 +419,11 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if self._records:
             warnings.warn("a copy of this environment does not record: its folder has the episodes of this one", stacklevel=2)
         return _unpickled, (type(self), self._arguments, settings, self._save_worlds(), getattr(self, "_np_random", None),
-                            self._object_states is not None)
+                            self._object_states is not None, [random_streams(getattr(self, name)) for name in _SPACES])
 
 
 def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], settings: list[Any], worlds: Info, random: Any,
-               has_objects: bool) -> VectorEnv:
+               has_objects: bool, streams: list[Any]) -> VectorEnv:
     envs = cls(**arguments)  # with seeds of which one, as then, can start
     for i, of_world in enumerate(settings):
         envs._batch.set_parameter_settings(i, of_world)
@@ -430,6 +431,8 @@ def _unpickled(cls: type[VectorEnv], arguments: dict[str, Any], settings: list[A
         envs.objects
     envs._restore_worlds(worlds)
     envs._np_random = random
+    for name, of_space in zip(_SPACES, streams):
+        set_random_streams(getattr(envs, name), of_space)
     return envs
 
 

@@ -159,7 +159,7 @@ class Point:
         try:
             status, digest, *options = (self.folder / "status").read_text().rstrip("\n").split(" ", 2)
             # Without options: of an earlier version, in whose names of folders "_" also stood for "/".
-            same = options == [json.dumps(dict(self.options))] if options else not any("_" in value for _, value in self.options)
+            same = json.loads(options[0]) == dict(self.options) if options else not any("_" in value for _, value in self.options)
             return int(status) if same and digest == self.digest else None
         except (OSError, ValueError):
             return None
@@ -172,11 +172,10 @@ class Point:
         except (OSError, ValueError):
             return {}
 
-    def figures(self) -> dict[str, Any]:
-        """The statistics, nested names joined by dots, and the metrics by their own names: one with the name of a statistic is
-        metrics.NAME, but in DECIDED. Empty if not run."""
-        if self.status() is None:
-            return {}
+    def named_figures(self) -> Iterator[tuple[str, str, Any]]:
+        """Name, column of the tables and value of each figure. The statistics have nested names, joined by dots, and the metrics
+        their own: one with the name of a statistic is metrics.NAME, but in DECIDED. Options, seed and exit_status have columns
+        of their own: a metric with such a name has metrics.NAME, a statistic stats.NAME. None if not run."""
         flat: dict[str, Any] = {}
 
         def walk(prefix: str, value: Any) -> None:
@@ -186,23 +185,21 @@ class Point:
             else:
                 flat[prefix] = value
 
-        walk("", self.read("stats.json"))
-        flat = {name: value for name, value in flat.items() if name not in ("seed", "experiment")}
-        own = flat.keys() - set(DECIDED)
+        if self.status() is not None:
+            walk("", self.read("stats.json"))
+        taken = {*dict(self.options), "seed", "exit_status"}
+        for path, value in flat.items():
+            if path not in ("seed", "experiment"):
+                own = path.removeprefix("metrics.")
+                name = path if own in flat and own not in DECIDED else own
+                kind = "stats" if own == path and own not in DECIDED else "metrics"
+                yield name, f"{kind}.{own}" if name in taken else name, value
 
-        def column(name: str) -> str:
-            short = name.removeprefix("metrics.")
-            return name if short in own else short
-
-        return {column(name): value for name, value in flat.items()}
+    def figures(self) -> dict[str, Any]:
+        return {name: value for name, _, value in self.named_figures()}
 
     def columns(self) -> dict[str, Any]:
-        """The figures by their columns of a table, in which options, seed and exit_status have theirs: a metric with such a name
-        is metrics.NAME, a statistic stats.NAME."""
-        taken, figures = {*dict(self.options), "seed", "exit_status"}, self.figures()
-        own = self.read("stats.json")
-        return {(f"stats.{k}" if k.partition(".")[0] in own and k not in DECIDED else f"metrics.{k}") if k in taken else k: v
-                for k, v in figures.items()}
+        return {column: value for _, column, value in self.named_figures()}
 
     def figure(self, name: str) -> Any:
         """By its column or, where an option has the column of that name, by its own name; None: the run has none."""
@@ -214,6 +211,36 @@ class Point:
             return ((self.folder / "log").read_text().strip().splitlines() or ["no message"])[-1]
         except OSError:
             return "no message"
+
+
+def earlier(out: pathlib.Path, points: Sequence[Point]) -> tuple[list[Point], int]:
+    """The completed runs in the sweep's folder that are not among the points but could be: of the same sources and the same
+    options with other values or seeds, in their order. And how many more completed runs there are."""
+    names, digest = [name for name, _ in points[0].options], points[0].digest
+    known = {(point.options, point.seed) for point in points}
+    found, others, folders = [], 0, {point.folder for point in points}
+    for folder in sorted((out / "runs").iterdir()) if (out / "runs").is_dir() else ():
+        try:
+            status, of, text = (folder / "status").read_text().rstrip("\n").split(" ", 2)
+            options, seed = dict(json.loads(text)), json.loads((folder / "stats.json").read_text())["seed"]
+        except (OSError, ValueError, KeyError, TypeError):  # not run, failed, or of an earlier version
+            continue
+        if folder in folders or status != "0":
+            continue
+        if of != digest or options.keys() != set(names):
+            others += 1
+            continue
+        point = Point(out, tuple((name, options[name]) for name in names), seed, digest)
+        point.folder = folder
+        if (point.options, seed) not in known:
+            known.add((point.options, seed))
+            found.append(point)
+
+    def place(point: Point) -> tuple[Any, ...]:
+        heads = [value.partition(":")[0] for _, value in point.options]  # of a nuisance, its number: 0.5:factor
+        return [(float(head) if is_numeric(head) else math.inf, value) for head, (_, value) in zip(heads, point.options)], point.seed
+
+    return sorted(found, key=place), others
 
 
 def tasks(points: Sequence[Point], arguments: dict[str, Any], worlds: int = 1, timeout: float | None = None, retry: int = 0,
@@ -334,29 +361,31 @@ def groups_of(points: Iterable[Point]) -> dict[Options, list[Point]]:
 def summary(points: Sequence[Point], success: str, shares: Sequence[float], until: float | None = None) -> list[dict[str, Any]]:
     """One dict per combination of options, over its completed runs: their number and that of the failed ones; rate and
     95 % Wilson interval of those whose figure `success` is 1, if any run has it; median and quantiles of each numeric figure, of times to
-    success with the runs that do not succeed (None: not reached); `missing`: the runs without that figure; of counts of
-    objects lost, their sum and the runs that lose any."""
+    success with the runs that do not succeed (None: not reached); `missing`: the runs without a figure that other runs have;
+    of counts of objects lost, their sum and the runs that lose any."""
     table, has_goal, has_success = [], tells(points, success), tells(points, "success")
+    numeric = {column: name for p in points if p.status() == 0 for name, column, value in p.named_figures()
+               if is_number(value) or (name in SUCCESS_TIMES and has_success)}
     for options, members in groups_of(points).items():
-        done = [p.figures() for p in members if p.status() == 0]
+        done = [p.columns() for p in members if p.status() == 0]
         row: dict[str, object] = {**dict(options), "runs": len(members), "failed": len(members) - len(done)}
         won = outcomes(members, success) if has_goal else []
         if won:
             low, high = wilson(sum(won), len(won))
             row |= {"succeeded": sum(won), "success_rate": sum(won) / len(won), "success_low": low,
                     "success_high": high}
-        for name in dict.fromkeys(key for figures in done for key in figures):
-            values = [f[name] for f in done if is_number(f.get(name))]
+        for column, name in numeric.items():
+            values = [f[column] for f in done if is_number(f.get(column))]
             if name in SUCCESS_TIMES and values and has_success and (curve := time_to_success(members, name, until)) is not None:
-                row[f"{name}.median"], row[f"{name}.median_low"], row[f"{name}.median_high"] = time_of_share(curve, 0.5)
-                row |= {f"{name}.q{100 * share:g}": time_of_share(curve, share)[0] for share in shares}
+                row[f"{column}.median"], row[f"{column}.median_low"], row[f"{column}.median_high"] = time_of_share(curve, 0.5)
+                row |= {f"{column}.q{100 * share:g}": time_of_share(curve, share)[0] for share in shares}
             elif values:
-                row[f"{name}.median"] = statistics.median(values)
-                row |= {f"{name}.q{100 * share:g}": quantile(values, share) for share in shares}
-            if values and len(values) < len(done):
-                row[f"{name}.missing"] = len(done) - len(values)
+                row[f"{column}.median"] = statistics.median(values)
+                row |= {f"{column}.q{100 * share:g}": quantile(values, share) for share in shares}
+            if len(values) < len(done):
+                row[f"{column}.missing"] = len(done) - len(values)
             if values and name in LOSSES:
-                row |= {f"{name}.sum": sum(values), f"{name}.runs": sum(value > 0 for value in values)}
+                row |= {f"{column}.sum": sum(values), f"{column}.runs": sum(value > 0 for value in values)}
         table.append(row)
     return table
 

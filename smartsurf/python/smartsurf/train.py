@@ -104,7 +104,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _sizes(text: str) -> tuple[int, ...]:
-    return () if text == "0" else tuple(map(whole(1), text.split(",")))
+    if text == "0":
+        return ()
+    try:
+        return tuple(map(whole(1), text.split(",")))
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"{text}: must be numbers of units from 1, separated by commas, or 0 for no hidden layer") from None
 
 
 def _refusal(reason: object) -> int:

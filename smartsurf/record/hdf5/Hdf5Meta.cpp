@@ -137,7 +137,11 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
 }
 
 void write_result(hid_t file, const RunResult& result) {
-  archive_result(AttributeWriter(open_group(file, paths::kMeta)), result);
+  const Handle group = open_group(file, paths::kMeta);
+  archive_result(AttributeWriter(group), result);
+  if (result.metrics.empty()) return;
+  const Handle metrics = create_group(group, paths::kMetrics);
+  for (const auto& [name, value] : result.metrics) write_attribute(metrics, link_name(name).c_str(), value);
 }
 
 void write_surface(hid_t file, const scene::SurfaceSpec& surface) {
@@ -168,7 +172,12 @@ RecordedMeta read_meta(hid_t file, scene::SceneSpec& spec) {
   for (NamedText& option : read_string_attributes(group, paths::kOptions))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
   if (has_link(group, paths::kVary)) recorded.meta.varied = read_variations(group);
-  if (has_attribute(group, "simulated_s")) archive_result(read, recorded.result.emplace());
+  if (has_attribute(group, "simulated_s")) {
+    archive_result(read, recorded.result.emplace());
+    if (has_link(group, paths::kMetrics))
+      recorded.result->metrics = read_number_attributes(group, paths::kMetrics);
+    for (auto& [name, value] : recorded.result->metrics) name = name_of_link(name);
+  }
   return recorded;
 }
 

@@ -93,17 +93,34 @@ std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsi
   return texts;
 }
 
-std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name) {
-  const Handle group = open_group(parent, group_name);
-  // By index, HDF5 sorts all names for each.
-  const auto collect = [](hid_t, const char* name, const H5A_info_t*, void* texts) -> herr_t {
-    static_cast<std::vector<NamedText>*>(texts)->push_back({name, {}});
+namespace {
+
+// By index, HDF5 sorts all names for each.
+template <class Named>
+std::vector<Named> list_attributes(hid_t group, const char* group_name) {
+  const auto collect = [](hid_t, const char* name, const H5A_info_t*, void* list) -> herr_t {
+    static_cast<std::vector<Named>*>(list)->push_back({name, {}});
     return 0;
   };
-  std::vector<NamedText> texts;
-  check(H5Aiterate2(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &texts), group_name);
+  std::vector<Named> all;
+  check(H5Aiterate2(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &all), group_name);
+  return all;
+}
+
+}  // namespace
+
+std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name) {
+  const Handle group = open_group(parent, group_name);
+  std::vector<NamedText> texts = list_attributes<NamedText>(group, group_name);
   for (auto& [name, text] : texts) text = read_text_attribute(group, name.c_str());
   return texts;
+}
+
+std::vector<NamedNumber> read_number_attributes(hid_t parent, const char* group_name) {
+  const Handle group = open_group(parent, group_name);
+  std::vector<NamedNumber> numbers = list_attributes<NamedNumber>(group, group_name);
+  for (auto& [name, number] : numbers) read_attribute(group, name.c_str(), H5T_NATIVE_DOUBLE, &number);
+  return numbers;
 }
 
 }  // namespace smartsurf::record

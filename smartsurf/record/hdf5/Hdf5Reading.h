@@ -27,8 +27,9 @@ hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry);
 // Reads the first `count` entries of a dataset of strings.
 std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsize_t count);
 
-// Reads the string attributes of a group, sorted by name.
+// Reads the attributes of a group, all strings or all single numbers, sorted by name.
 std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name);
+std::vector<NamedNumber> read_number_attributes(hid_t parent, const char* group_name);
 
 // Reads the block at `start` with extents `size`, whose product the caller must keep from overflowing.
 template <class Number>

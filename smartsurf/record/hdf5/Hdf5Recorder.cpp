@@ -24,6 +24,7 @@ constexpr std::size_t kMaxChunkBytes = 256u << 10;  // per channel; a reader dec
 constexpr std::size_t kMaxBufferedChanges = 1u << 20;
 constexpr double kCheapShare = 0.1;  // of the file, that sensors may take without being asked for
 constexpr std::uint64_t kMetadataBytes = 256u << 10;  // upper bound of the library's metadata per write
+constexpr std::uint64_t kMetricBytes = 1024;  // upper bound of an attribute, whose name has at most 192 bytes
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
 // The largest power of two, at most 64, of frames that fit into `bytes`. Powers of two make chunks divide the
@@ -636,7 +637,8 @@ void Hdf5Recorder::close(const RunResult& result) {
     content.closing = true;
     content.write_buffered();
     if (content.judged_frames == 0 && content.written_frames > 0) content.drop_costly_sensors();
-    content.preallocator.preallocate(kMetadataBytes + result.outcome.size());
+    content.preallocator.preallocate(kMetadataBytes + result.outcome.size() +
+                                     kMetricBytes * result.metrics.size());
     write_result(content.file, result);
     content.flush();
     pending_->require_unchanged();

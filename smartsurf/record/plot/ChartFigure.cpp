@@ -83,8 +83,8 @@ Chart make_axes(const ChartSpec& spec) {
   const double top = spec.title.empty() ? 14.0 : spec.subtitle.empty() ? 42.0 : 62.0;
   Axis x = make_axis(spec, spec.x, &ChartLayer::x), y = make_axis(spec, spec.y, &ChartLayer::y);
   const double left = std::min(y_axis_room(y, spec.height - top), spec.width / 2.0),
-               width = spec.width - left - kRight;
-  return {{left, top, width, spec.height - top - x_axis_room(x, width)}, std::move(x), std::move(y)};
+               width = spec.width - left - kRight, height = spec.height - top;
+  return {{left, top, width, height - x_axis_room(x, width, height)}, std::move(x), std::move(y)};
 }
 
 void draw_point(cairo_t* cr, double x, double y, double radius) {

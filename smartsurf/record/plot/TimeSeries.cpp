@@ -269,7 +269,8 @@ TimeSeries object_count_series(const Recording& recording, const std::string& ki
                                const Arguments& arguments) {
   require_no_arguments(kind, arguments);
   const std::size_t object_count = recording.spec().objects.size();
-  TimeSeries result{"Number of objects", "objects", {{"objects", {}}}};
+  TimeSeries result{
+      .title = "Number of objects", .axis_title = "objects", .curves = {{"objects", {}}}, .counts = true};
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
     const std::vector<float> p = recording.read_positions(frame, 1);
     double present = 0.0;
@@ -285,13 +286,23 @@ TimeSeries contact_count_series(const Recording& recording, const std::string& k
   if (!recording.meta().is_simulated)
     throw_plot_error(kind, recording.path().string() +
                                " is the recording of a live surface, of which no contacts are known");
-  return {"Contact points in each tick's last physics step",
-          "contacts",
-          {{"contacts", {recording.contact_counts().begin(), recording.contact_counts().end()}}}};
+  return {.title = "Contact points in each tick's last physics step",
+          .axis_title = "contacts",
+          .curves = {{"contacts", {recording.contact_counts().begin(), recording.contact_counts().end()}}},
+          .counts = true};
+}
+
+// Also those that only on_finish has set, of which no curve can be drawn.
+std::vector<std::string> known_metrics(const Recording& recording) {
+  std::vector<std::string> names = recording.metric_names();
+  if (!recording.result()) return names;
+  for (const auto& [name, value] : recording.result()->metrics)
+    if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+  return names;
 }
 
 TimeSeries metric_series(const Recording& recording, const std::string& kind, const Arguments& names) {
-  const std::vector<std::string> known = recording.metric_names();
+  const std::vector<std::string> known = known_metrics(recording), drawable = recording.metric_names();
   if (names.empty()) throw_plot_error(kind, "needs a name: metric:NAME");
   TimeSeries result{"Metrics of the script", "value", {}};
   for (std::size_t first = 0, count = 0; first < names.size(); first += count) {
@@ -302,6 +313,9 @@ TimeSeries metric_series(const Recording& recording, const std::string& kind, co
       throw_plot_error(kind + ":" + name, known.empty() ? recording.path().string() + " holds no metrics"
                                                         : "no such metric; known: " + common::join(known) +
                                                               common::did_you_mean(name, known));
+    if (std::ranges::find(drawable, name) == drawable.end())
+      throw_plot_error(kind + ":" + name,
+                       "has a value at the end of the run only, which smartsurf info prints");
     result.curves.push_back({name, recording.read_metric(name)});
   }
   if (result.curves.size() == 1) result.axis_title = result.curves[0].name;
@@ -375,7 +389,7 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
     const std::string name = joined(parts, 0, count);
     return channel_series(recording, name, *find_channel(recording, name), rest(count));
   }
-  const std::vector<std::string> metrics = recording.metric_names();
+  const std::vector<std::string> metrics = known_metrics(recording);
   if (const std::size_t count = longest_name(parts, 0, [&](const std::string& name) {
         return std::ranges::find(metrics, name) != metrics.end();
       })) {

@@ -19,6 +19,7 @@ struct TimeSeries {
   std::string axis_title;  // "mean speed [u/s]"
   std::vector<Curve> curves;
   std::optional<double> success_s = {};  // marked by a line
+  bool counts = false;                   // whole numbers, on an axis from 0
 };
 
 // The kinds with their arguments: "height:ROW,COLUMN…", "speed[:ID…]".

@@ -118,7 +118,7 @@ class RecordingReference(ProgramTest):
     def test_every_name_in_a_recording_is_documented(self):
         import h5py
         path = self.write("all.lua", "surface { rows = 4, columns = 4, sensors = { colour {} }, border = { height = 2 },\n"
-                                     "  skin = { edge = { height = 0 } } }\nrecord { sensors = true, actuators = true }\nvary { friction = {0, 1} }\nlocal n = option('n', 1)\n"
+                                     "  skin = { edge = { height = 0 } } }\nrecord { sensors = true, actuators = true }\nvary { friction = {0, 1} }\nlocal n = option('n', 1)\nmetric('kept', 1)\n"
                                      "sphere { radius = 1, position = {1, 1, 2} }\n"
                                      "hull { points = {{0,0,0}, {1,0,0}, {0,1,0}, {0,0,1}}, position = {2, 2, 4} }\n")
         status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "2", "--record", "all.h5",
@@ -128,8 +128,8 @@ class RecordingReference(ProgramTest):
         with h5py.File(self.folder / "all.h5") as file:
             # Excludes names chosen by scripts and libraries.
             file.visititems(lambda name, item: names.update(
-                [name.split("/")[-1]] + ([] if name.startswith(("meta/options", "meta/set", "meta/vary", "meta/varied", "meta/versions")) else list(item.attrs))))
-        names -= {"0", "colour"}
+                [name.split("/")[-1]] + ([] if name.startswith(("meta/options", "meta/set", "meta/vary", "meta/varied", "meta/versions", "meta/metrics")) else list(item.attrs))))
+        names -= {"0", "colour", "kept"}
         self.assertGreater(len(names), 60)
         self.assertEqual(sorted(names - words_of_code(text_of("docs/recordings.md"))), [])
 

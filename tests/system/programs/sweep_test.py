@@ -298,9 +298,9 @@ class Sweep(ProgramTest):
             status.write_text(text)
             self.assertEqual(sweep("parts/aä,parts_aä"), (f"2 runs, {before}", both))
         # One of an earlier version whose name is that of no other point is kept.
-        self.assertEqual(sweep("whole"), ("1 runs, 0", [("whole", 5)]))
+        self.assertEqual(sweep("whole"), ("1 runs, 0", [("whole", 5), *both]))
         (self.folder / "out/runs/part=whole,seed=1/status").write_text(f"{done} {digest}\n")
-        self.assertEqual(sweep("whole"), ("1 runs, 1", [("whole", 5)]))
+        self.assertEqual(sweep("whole"), ("1 runs, 1", [("whole", 5), *both]))
 
     def test_reruns_points_after_changes(self):
         self.write("shared.lua", "return 10")
@@ -312,6 +312,78 @@ class Sweep(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertIn("2 runs, 0 done before", out)
         self.assertEqual([float(r["product"]) for r in self.results()], [100, 200])
+
+    def test_tables_hold_all_runs_of_their_options(self):
+        # Commands draw values and seeds; weight -1 fails.
+        self.write("table.lua", "local size = option('size', 1, 'a number')\n" + TABLE)
+        source, done, folders = random.Random(3), set(), set()
+        for _ in range(4):
+            weights, seeds = source.sample(["1", "2", "10"], 1) + source.sample(["-1", "5"], 1), source.sample(range(1, 5), 2)
+            asked = [(weight, str(seed)) for weight in weights for seed in seeds]
+            settings = source.sample(["weight=" + ",".join(weights), "size=1"], 2)  # in another order in other folders
+            status, out, err = self.sweep(*(word for text in settings for word in ("--set", text)), "--seeds", ",".join(map(str, seeds)))
+            self.assertEqual(status, 1 if "-1" in weights else 0, out + err)
+            kept = sorted(done - set(asked), key=lambda run: (float(run[0]), int(run[1])))
+            self.assertEqual([(row["weight"], row["seed"]) for row in self.results()], asked + kept)
+            own = {(settings[0] == "size=1", run) for run in asked if run[0] != "-1"}
+            self.assertIn(f"4 runs, {len(folders & own)} done before" + (f"; the tables hold {len(kept)} more" if kept else "\n"), out)
+            folders |= own
+            done |= {run for _, run in own}
+            runs = {row["weight"]: int(row["runs"]) - int(row["failed"]) for row in self.results("summary.csv")}
+            self.assertEqual({weight: count for weight, count in runs.items() if count},
+                             {weight: sum(run[0] == weight for run in done) for weight in {run[0] for run in done}})
+        # Runs of other options, and of another experiment.
+        status, out, err = self.sweep("--set", "weight=1")
+        self.assertIn(f"1 runs, 0 done before\n{len(folders)} more runs of the folder are not in the tables: they have other options", out)
+        self.write("table.lua", TABLE)
+        self.assertIn(f"\n{len(folders)} more runs of the folder are not", self.sweep("--set", "weight=1")[1])
+        self.assertEqual(len(self.results()), 1)
+
+    def test_figures_and_tables_are_of_one_sweep(self):
+        scene = "surface { rows = 4, columns = 4, actuator = pin {} }\nlocal weight = option('weight', 1.0, 'a number')\n"
+        self.write("table.lua", scene + "success(function(t) return t > 0.05 end)\n")
+        kinds = {"results.jsonl", "results.svg", "success.svg", "rates.svg"}
+        self.assertEqual(self.sweep("--set", "weight=1,2", "--y", "success_s", "--format", "csv,jsonl")[0], 0)
+        self.assertLessEqual(kinds, {path.name for path in (self.folder / "out").iterdir()})
+        self.write("table.lua", scene)
+        self.assertEqual(self.sweep("--set", "weight=1,2")[0], 0)
+        self.assertEqual(kinds & {path.name for path in (self.folder / "out").iterdir()}, set())
+
+    def test_missing_figures_are_counted(self):
+        # Of the values 1 to 4 of an option, each metric is set from a drawn one on, in the last 1 to 3 seeds.
+        source = random.Random(7)
+        starts = {f"m{i}": source.randint(1, 4) for i in range(6)}
+        sets = " ".join(f"if n >= {start} and random(0, 1) < 0.7 then metric('{name}', n) end" for name, start in starts.items())
+        self.write("table.lua", "surface { rows = 4, columns = 4, actuator = pin {} }\nlocal n = option('n', 1, 'a number')\n"
+                                f"on_finish(function() {sets} end)\n")
+        self.assertEqual(self.sweep("--set", "n=1,2,3,4", "--seeds", "1-3")[0], 0)
+        rows = self.results()
+        for summed in self.results("summary.csv"):
+            for name in starts.keys() & rows[0].keys():
+                lacking = sum(row[name] == "" for row in rows if row["n"] == summed["n"])
+                self.assertEqual(summed.get(f"{name}.missing", ""), str(lacking or ""), (name, summed["n"]))
+            self.assertNotIn("outcome.missing", summed)
+        self.assertTrue(any(summed[f"{name}.missing"] == "3" for summed in self.results("summary.csv") for name in starts))
+
+    def test_both_tables_have_one_name_of_a_figure(self):
+        names = ["seed", "exit_status", "experiment", "contacts", "ticks", "won", "runs"]
+        source = random.Random(2)
+        for option in source.sample(names[3:6], 2) + ["n"]:
+            metrics = " ".join(f"metric('{name}', {-7 - i})" for i, name in enumerate(names))
+            self.write("table.lua", f"option('{option}', 1.0, 'a number')\nsurface {{ rows = 4, columns = 4, actuator = pin {{}} }}\n"
+                                    f"on_finish(function() {metrics} end)\n")
+            self.assertEqual(self.sweep("--set", f"{option}=2,3")[0], 0)
+            for row in self.results():
+                for i, name in enumerate(names):
+                    column = name if name in ("won", "runs") and name != option else f"metrics.{name}"
+                    self.assertEqual(row[column], str(float(-7 - i)), (option, name))
+                    medians = {summed[f"{column}.median"] for summed in self.results("summary.csv")}
+                    self.assertEqual(medians, {str(float(-7 - i))}, (option, name))
+                for name in {"contacts", "ticks"}:
+                    column = f"stats.{name}" if name == option else name
+                    self.assertGreaterEqual(int(row[column]), 0)
+                    self.assertIn(f"{column}.median", self.results("summary.csv")[0])
+                self.assertNotIn("stats.seed", row)
 
     def test_runs_without_success_count_in_times_and_plots(self):
         # Succeeds at 10 × seed ms up to seed 3, of five; every run loses its ball at weight 2.
@@ -519,7 +591,7 @@ exec {APRON} run {idle} --shm "$2"
             status, out, err = self.sweep("--samples", "5", "--search", "random", "--vary", f"friction={value}", "--set", "weight=1,2", "--seeds", "1-2")
             self.assertEqual(status, 0, err)
             self.assertIn("2 of the 5 samples differ: each runs once\n4 runs, ", out)
-            rows = self.results()
+            rows = self.results()[:4]  # the others follow
             self.assertEqual([(row["weight"], row["vary.friction"]) for row in rows], [(weight, value) for weight in "12" for _ in range(2)])
             self.assertEqual(len({row["varied.friction"] for row in rows}), 2)
         status, _, err = self.sweep("--samples", "3", "--vary", "friction=0.5:1.5")

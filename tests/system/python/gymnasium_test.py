@@ -1133,6 +1133,38 @@ env.close()
             with self.assertRaisesRegex(ValueError, "^embedded null character$"):
                 smartsurf.VectorEnv(file, 2)
 
+    def test_a_copy_draws_what_its_original_draws(self):
+        path = self.script(CROWD)
+        for make, spaces in ((lambda: smartsurf.Env(path), ("action_space", "observation_space")),
+                             (lambda: smartsurf.VectorEnv(path, 2), ("action_space", "single_action_space", "observation_space")),
+                             (lambda: smartsurf.parallel_env(path, block=4), ("_action_space", "_observation_space"))):
+            env = make()
+            env.reset(seed=1)
+            for number, name in enumerate(spaces):
+                getattr(env, name).seed(number)
+                getattr(env, name).sample()
+            for copied in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
+                other = copied(env)
+                for name in spaces:
+                    np.testing.assert_array_equal(getattr(other, name).sample(), getattr(env, name).sample())
+
+    def test_recordings_left_open_end_with_the_process(self):
+        kinds = {"simulation": "s = smartsurf.Simulation(path, seed=1); s.record('simulation.h5')\nfor _ in range(3): s.step()",
+                 "env": "e = smartsurf.Env(path, record='env'); e.reset(seed=1)\nfor _ in range(3): e.step(e.action_space.sample())",
+                 "worlds": "v = smartsurf.VectorEnv(path, 2, 2, record='worlds'); v.reset(seed=1)\n"
+                           "for _ in range(3): v.step(v.action_space.sample())"}
+        path = self.script(CROWD)
+        for end in ("", "raise ValueError", "import sys; sys.exit(3)", "del s, e, v; import gc; gc.collect(); import os; os._exit(0)"):
+            folder = self.folder / str(len(end))
+            folder.mkdir()
+            subprocess.run([sys.executable, "-c", "\n".join([f"import smartsurf; path = {str(path)!r}", *kinds.values(), end])], cwd=folder,
+                           capture_output=True, timeout=60)
+            files = sorted(folder.rglob("*.h5"))
+            self.assertEqual(len(files), 4)
+            for file in files:
+                info = subprocess.run([os.environ["SMARTSURF"], "info", str(file)], capture_output=True, text=True, timeout=60).stdout
+                self.assertRegex(info, "\noutcome     done after 3 ticks", (end, file))
+
     def test_a_copy_does_not_record_and_says_so(self):
         path = self.script(CROWD)
         for number, make in enumerate((lambda folder: smartsurf.Env(path, record=folder),

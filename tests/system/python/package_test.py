@@ -294,10 +294,11 @@ class Recordings(ExperimentTest):
                               timeout=120)
 
     def result(self, path):
-        """What `smartsurf info` says of the end: outcome and success, "" without one."""
+        """What `smartsurf info` says of the end: outcome and success, "" without one; of metrics, the values at the end."""
         text = subprocess.run([os.environ["SMARTSURF"], "info", str(path)], capture_output=True, text=True, check=True, timeout=60).stdout
         lines = dict(line.split(None, 1) for line in text.splitlines() if line.startswith(("outcome", "success")))
-        return lines["outcome"], lines.get("success", "")
+        metrics = dict(re.findall(r"^metric +(\w+): (?:.*, )?(\S+) at the end$", text, re.MULTILINE))
+        return lines["outcome"], lines.get("success", ""), metrics
 
     def test_the_end_of_an_episode_is_that_of_run(self):
         for name, body, success in VERDICTS:
@@ -324,7 +325,9 @@ class Recordings(ExperimentTest):
                 known = {name: None if np.isnan(value) else value for name, value in s.metrics.items()}
                 self.assertEqual((s.success, known), (success, stats["metrics"]))
                 s.stop_recording()
-                self.assertEqual(self.result(self.folder / "python.h5"), self.result(self.folder / "run.h5"))
+                ended = self.result(self.folder / "run.h5")
+                self.assertEqual(self.result(self.folder / "python.h5"), ended)
+                self.assertEqual(ended[2], {name: f"{value:g}" for name, value in stats["metrics"].items() if value is not None})
 
     def test_a_recorded_episode_is_repeated_to_the_bit(self):
         for text in (CROWD, NOISY):

@@ -231,7 +231,8 @@ class Training(ExperimentTest):
                                    ("--seed", "9223372036854775808", "a whole number, 0 to 9223372036854775807"),
                                    ("--test", "-1", "a whole number, 0 to 1000000"), ("--test", "1.5", "a whole number"),
                                    ("--memory", "-1", "a whole number, 0 to"), ("--iterations", "0", "a whole number, 1 to"),
-                                   ("--hidden", "4,0", "a whole number, 1 to"), ("--together", "1.5", "a number, 0 to 1"),
+                                   *(("--hidden", value, "numbers of units from 1, separated by commas, or 0 for no hidden") for value in ("-1", "4,0")),
+                                   ("--together", "1.5", "a number, 0 to 1"),
                                    ("--entropy", "nan", "a finite number, 0 or above"), ("--entropy", "-1", "a finite number, 0 or"),
                                    *((flag, value, "a finite number above 0") for flag in ("--deviation", "--learning-rate")
                                      for value in ("nan", "-1", "0", "inf", "much"))):
@@ -239,7 +240,7 @@ class Training(ExperimentTest):
                 result = subprocess.run([os.environ["SMARTSURF"], "train", self.script(PLATE), flag, value], capture_output=True, text=True,
                                         cwd=self.folder)
                 self.assertEqual(result.returncode, 2)
-                self.assertRegex(result.stderr, rf"\Asmartsurf train: {flag}: {value.split(',')[-1]}: must be {right}[^\n]*\n\Z")
+                self.assertRegex(result.stderr, rf"\Asmartsurf train: {flag}: {value}: must be {right}[^\n]*\n\Z")
 
     def test_every_seed_trains_on_seeds_of_its_own(self):
         (self.folder / "plate.lua").write_text(SHORT)

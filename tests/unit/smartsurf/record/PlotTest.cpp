@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <random>
 
 #include "smartsurf/record/plot/CurveChart.h"
 #include "smartsurf/record/plot/TimeSpentPlot.h"
@@ -238,7 +239,7 @@ Recording record_names(const std::filesystem::path& path) {
     const NamedNumber metrics[] = {{"err", 1.0}, {"err:x", 2.0}};
     recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, sensors, actuators, metrics);
   }
-  recorder->close({.outcome = "done"});
+  recorder->close({.outcome = "done", .metrics = {{"err", 3.0}, {"late", 4.0}}});
   return Recording::open(path);
 }
 
@@ -300,6 +301,28 @@ TEST(TimeSeries, SaysHowToRecordAChannel) {
       << "the run recorded all its sensors";
 }
 
+TEST(CurveChart, CountsHaveWholeTicksFromZero) {
+  std::mt19937 random(5);
+  for (int i = 0; i < 200; ++i) {
+    const double base = std::pow(10.0, random() % 4), spread = random() % 7;
+    TimeSeries series{
+        .title = "Number", .axis_title = "objects", .curves = {{"objects", {}}}, .counts = true};
+    std::vector<double> time;
+    double most = 0.0;
+    for (int k = 0; k < 5; ++k) {
+      time.push_back(k);
+      series.curves[0].values.push_back(std::floor(base) + std::floor(spread * (random() % 100) / 100.0));
+      most = std::max(most, series.curves[0].values.back());
+    }
+    const ChartFigure figure(make_curve_chart(time, std::move(series), ""));
+    const PlotArea& area = figure.chart().area();
+    EXPECT_NEAR(figure.chart().py(0.0), area.bottom(), 1e-9);
+    EXPECT_GE(figure.chart().py(most), area.top);
+    const double top = area.height / (figure.chart().py(0.0) - figure.chart().py(1.0));  // of the axis
+    for (const double tick : tick_values(0.0, top)) EXPECT_NEAR(tick, std::round(tick), 1e-9) << most;
+  }
+}
+
 TEST(Plot, NamesLikeKindsAndWithColons) {
   const OutputFolder out;
   const Recording recording = record_names(out / "run.h5");
@@ -312,6 +335,15 @@ TEST(Plot, NamesLikeKindsAndWithColons) {
   EXPECT_EQ(time_series(recording, "metric", {"err", "x"}).curves[0].values[0], 2.0);
   EXPECT_EQ(time_series(recording, "metric", {"err", "x", "err"}).curves.size(), 2u);
   EXPECT_EQ(time_series(recording, "err", {"x"}).curves[0].name, "err:x");
+  for (const std::string what : {"late", "metric:late", "metric:err:late"}) {
+    try {
+      write_plot(recording, what, out / "figure.svg");
+      ADD_FAILURE() << what;
+    } catch (const scene::InputError& error) {
+      EXPECT_STREQ(error.what(),
+                   "--what metric:late: has a value at the end of the run only, which smartsurf info prints");
+    }
+  }
 }
 
 TEST(CurveChart, ConstantsUpToRoundingAreDrawn) {

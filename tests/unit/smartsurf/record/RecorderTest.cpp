@@ -344,12 +344,29 @@ TEST(Recorder, KeepsMetricsOfAnyName) {
   const SyntheticRun run;
   const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
   recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, {}, {}, metrics);
-  recorder->close({});
+  std::vector<NamedNumber> at_end = metrics;
+  for (auto& [name, value] : at_end) value = -value;
+  recorder->close({.outcome = "done", .metrics = at_end});
   const Recording recording = Recording::open(out / "run.h5");
   const std::vector<std::string> found = recording.metric_names();
   EXPECT_EQ(std::set<std::string>(found.begin(), found.end()), names);
   for (const auto& [name, value] : metrics)
     EXPECT_EQ(recording.read_metric(name), std::vector<double>{value});
+  std::vector<NamedNumber> ended = recording.result()->metrics;
+  std::ranges::sort(ended);
+  std::ranges::sort(at_end);
+  EXPECT_EQ(ended, at_end);
+}
+
+// As many as a script may have, whose names are the longest in the file.
+TEST(Recorder, KeepsManyMetricsAtTheEnd) {
+  std::vector<NamedNumber> metrics;
+  for (int i = 0; i < 1000; ++i)
+    metrics.emplace_back(std::string(60, '/') + std::to_string(1000 + i), 0.1 * i);
+  const OutputFolder out;
+  const SyntheticRun run;
+  open_recorder(out / "run.h5", run.meta, run.spec)->close({.outcome = "done", .metrics = metrics});
+  EXPECT_EQ(Recording::open(out / "run.h5").result()->metrics, metrics);
 }
 
 TEST(Recorder, OmitsUnrequestedData) {

@@ -4,7 +4,10 @@
 #include <hdf5.h>
 
 #include <cmath>
+#include <cstdio>
 #include <fstream>
+#include <random>
+#include <sstream>
 
 #include "smartsurf/record/hdf5/Structure.h"
 #include "smartsurf/scene/KindRegistry.h"
@@ -43,7 +46,8 @@ std::string write_run(const std::filesystem::path& path, std::uint64_t ticks = 1
                    .simulated_s = 1.5,
                    .state_hash = 0x1F,
                    .success = true,
-                   .success_s = 0.5333});
+                   .success_s = 0.5333,
+                   .metrics = {{"lift", 12.5}, {"error", 7.0}}});
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }
@@ -314,13 +318,80 @@ TEST(Recording, Describe) {
         "(sphere, "
         "radius 2 u)",
         "frames      100, ticks 0 to 99, 0 s to 1.65 s, every tick", "done after 100 ticks, 1.5 s simulated",
-        "000000000000001f at the end", "metric      lift: 0 at the start, 9.9 at the end\n",
+        "000000000000001f at the end",
+        "metric      error: 7 at the end\nmetric      lift: 0 at the start, 12.5 at the end\n",
         "success     at 0.5333 s\n"})
     EXPECT_NE(text.find(part), std::string::npos) << part << " is missing in\n" << text;
   EXPECT_EQ(text.find("/objects/position"), std::string::npos) << text;
   EXPECT_NE(list_datasets(Recording::open(out / "run.h5"))
                 .find("/objects/position                   100 × 3 × 3\n"),
             std::string::npos);
+}
+
+// Each metric has values in frames or not, and at the end a value, none (NaN) or nothing that is stored.
+TEST(Recording, DescribesMetricsAtTheEnd) {
+  const OutputFolder out;
+  std::mt19937 random(3);
+  const auto number = [&random] { return static_cast<double>(random() % 2000) / 8.0 - 125.0; };
+  const auto shown = [](double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%g", value);
+    return std::string(text);
+  };
+  SyntheticRun run;
+  run.spec.record.tick_interval = 7;
+  for (int ticks = 1; ticks < 40; ticks += 6) {
+    std::vector<NamedNumber> metrics, at_end;
+    std::vector<std::vector<double>> values;  // of each metric in frames, by tick
+    for (int kind = 0; kind < 6; ++kind) {
+      const std::string name = "m" + std::to_string(kind);
+      if (kind % 2 == 0) metrics.emplace_back(name, 0.0);
+      if (kind / 2 != 0) at_end.emplace_back(name, kind / 2 == 1 ? NAN : number());
+    }
+    const auto recorder = open_recorder(out / "run.h5", run.meta, run.spec);
+    for (int t = 0; t < ticks; ++t) {
+      values.emplace_back();
+      for (auto& [name, value] : metrics) values.back().push_back(value = number());
+      recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects, {}, {}, metrics);
+    }
+    recorder->close({.outcome = "done", .metrics = at_end});
+    const auto lines_of = [&](const char* file) {
+      std::istringstream text(describe_recording(Recording::open(out / file)));
+      std::string lines;
+      for (std::string line; std::getline(text, line);)
+        if (line.starts_with("metric")) lines += line.substr(12) + "\n";
+      return lines;
+    };
+    const auto start = [&](int metric) { return shown(values[0][metric]) + " at the start, "; };
+    const auto last_frame = [&](int metric) {
+      return shown(values[(ticks - 1) / 7 * 7][metric]) + " at the last frame\n";
+    };
+    EXPECT_EQ(lines_of("run.h5"), "m0: " + start(0) + last_frame(0) + "m2: " + start(1) +
+                                      "none at the end\nm4: " + start(2) + shown(at_end[2].second) +
+                                      " at the end\nm5: " + shown(at_end[3].second) + " at the end\n");
+    const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    ASSERT_GE(H5Ldelete(file, "meta/metrics", H5P_DEFAULT), 0);  // an older recording
+    H5Fclose(file);
+    EXPECT_EQ(lines_of("run.h5"), "m0: " + start(0) + last_frame(0) + "m2: " + start(1) + last_frame(1) +
+                                      "m4: " + start(2) + last_frame(2));
+  }
+}
+
+TEST(Recording, RefusesMetricsThatAreNoNumbers) {
+  const OutputFolder out;
+  for (const bool text : {false, true}) {
+    write_run(out / "run.h5");
+    const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t group = H5Gopen2(file, "meta/metrics", H5P_DEFAULT);
+    const hsize_t many = 5;
+    const hid_t space = text ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, &many, nullptr);
+    H5Aclose(
+        H5Acreate2(group, "forged", text ? H5T_C_S1 : H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, H5P_DEFAULT));
+    H5Sclose(space);
+    H5Gclose(group);
+    H5Fclose(file);
+    expect_error(out / "run.h5", "attribute forged");
+  }
 }
 
 // A solid of two hulls, a wedge and a box. Volume and inertia are arbitrary.
