@@ -585,7 +585,7 @@ void TableBridge::check_emergency_stop() {
   }
 }
 
-std::string TableBridge::answer(const std::string& command) {
+ControlAnswer TableBridge::answer(const std::string& command) {
   if (command == "stop") {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     for (const auto& board : boards_) {
@@ -595,20 +595,21 @@ std::string TableBridge::answer(const std::string& command) {
       board->send_safe();
     }
     log_.add("emergency stop by the user");
-    return "stopped\n";
+    return {"stopped\n"};
   }
-  if (command == "arm") {
-    if (emergency_.active()) log_.add("the emergency stop is released");
-    emergency_.arm();
-    for (const auto& board : boards_) {
-      if (!board->accepted() || board->description().version < 2) continue;
-      board->send_reason(SSW_ARM, SSW_NONE);
-      board->release = EmergencyStop::Release(board->counters().frames);
-    }
-    return "armed\n";
+  if (command == "arm") return {"armed\n", [this] { arm(); }};
+  if (command == "status") return {status_text()};
+  return {"error: unknown command\n"};
+}
+
+void TableBridge::arm() {
+  if (emergency_.active()) log_.add("the emergency stop is released");
+  emergency_.arm();
+  for (const auto& board : boards_) {
+    if (!board->accepted() || board->description().version < 2) continue;
+    board->send_reason(SSW_ARM, SSW_NONE);
+    board->release = EmergencyStop::Release(board->counters().frames);
   }
-  if (command == "status") return status_text();
-  return "error: unknown command\n";
 }
 
 std::string TableBridge::status_text() const {

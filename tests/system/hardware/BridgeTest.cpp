@@ -13,6 +13,7 @@
 
 #include "shm-protocol/hardware/bridge/TableFile.h"
 #include "shm-protocol/hardware/fake/toy.h"
+#include "tests/system/hardware/GivenUp.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
 #include "tests/system/hardware/SteppedDevice.h"
@@ -426,6 +427,16 @@ TEST(Bridge, AnswersThatAStopReplacesAreNotSent) {
   bridge.signal(SIGINT);
   EXPECT_EQ(bridge.wait(), 130);
   EXPECT_EQ(bridge.figure("answers"), 0u) << bridge.output();
+}
+
+TEST(Bridge, ReleaseThatIsGivenUpIsNotDoneLater) {
+  const std::string name = surface_name("bridge-given-up");
+  Device device({"--pty", line_path("given-up"), "--size", kSize, "--period-ms", "5"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  bridge.await_output("controllers attach");
+  check_commands_that_are_given_up(bridge, name);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
 }
 
 std::string ask(const std::string& command, const std::string& name) {
