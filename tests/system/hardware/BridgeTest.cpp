@@ -557,14 +557,16 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
   bridge.await_output("controllers attach");
   std::ofstream(file)
       << "name = \"a b\"\nperiod_us = 10000\n[[board]]\ndevice = \"/dev/none\"\nat = [0, 0]\n";
-  const std::string longest(48, 'x');
   for (const auto& [flags, message] :
        {std::pair<std::vector<std::string>, std::string>{{"/dev/none", "--shm", "a/b"},
                                                          "--shm: name \"a/b\""},
         {{"/dev/none", "--shm", used}, "--shm: surface \"" + used + "\""},
         {{"--table", file}, file + ":1: name \"a b\""},
         {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
-        {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
+        {{"--table", file, "--shm", std::string(42, 'x')},
+         "--shm: name \"" + std::string(42, 'x') + "\": must be 1 to 41"},
+        {{"--table", file, "--shm", std::string(49, 'x')},
+         "--shm: name \"" + std::string(49, 'x') + "\": must be 1 to 41"},
         {{"calibrate", file, "-o", line_path("c") + ".toml"}, file + ":1: name \"a b\""}}) {
     std::vector<std::string> words{SURFACE_BRIDGE};
     words.insert(words.end(), flags.begin(), flags.end());

@@ -247,7 +247,10 @@ class Death(ProgramTest):
         self.assertTrue(self.segment().exists())
         status, out, err = self.run_program(SMARTSURF, "clean", self.shm)
         self.assertEqual(status, 0, err)
+        self.assertIn(f"removed {self.shm} ", out)
         self.assertFalse(self.segment().exists())
+        for name in (self.shm, "x" * 200):
+            self.assertEqual(self.run_program(SMARTSURF, "clean", name), (0, "nothing to remove\n", ""))
 
     def test_second_surface_and_controller_errors_name_first_process(self):
         surface, controller = self.start_pair("--until", "6000", "--set", "hold=0")
