@@ -243,6 +243,7 @@ int exit_status_of(const Error& e) {
     case ErrorCode::kNotFound:
       return common::kPeerLost;
     case ErrorCode::kBadConfig:
+    case ErrorCode::kForeign:
       return common::kUserError;
     default:
       return common::kFailed;

@@ -249,8 +249,6 @@ bool Run::receive_targets() {
     phase_times_.lap(Phase::kWait);
     switch (status) {
       case Status::kOk:
-        had_controller_ = true;
-        return true;
       case Status::kRepeated:
         return true;
       case Status::kTimeout:
@@ -262,7 +260,12 @@ bool Run::receive_targets() {
       case Status::kControllerDead:
       case Status::kControllerClosed:
         if (options_.mode == RunMode::kPassive) return continue_without_controller(status);
-        if (handle_controller_exit(status) || !wait_for_controller()) return false;
+        if (handle_controller_exit(status)) return false;
+        if (status != Status::kNoController) {
+          progress_.print_message("the controller is gone; the simulation is on hold");
+          mark_controller_lost();
+        }
+        if (!wait_for_controller()) return false;
         break;
       default:
         break;  // interrupted: the stop flag is checked below
@@ -345,23 +348,16 @@ void Run::check_silence() {
 
 // Waits for a controller to attach, the first or a successor. Returns false if the run ends meanwhile.
 bool Run::wait_for_controller() {
-  if (had_controller_) {
-    progress_.print_message("the controller is gone; the simulation is on hold");
-    mark_controller_lost();
-    announced_waiting_ = false;
-    had_controller_ = false;
-  }
   if (!link_->endpoint().is_reachable()) end_without_name();
   if (ending_) return false;
-  if (!controller_process_ && !announced_waiting_) {
+  announced_waiting_ = !controller_process_;
+  if (announced_waiting_)
     progress_.print_message(
         fmt::format("waiting for a controller; attach one with: {}", command_to_attach()));
-    announced_waiting_ = true;
-  }
   while (true) {
     const auto timeout = display_->has_window() ? kWindowWait : kHeadlessWait;
     if (link_->endpoint().await_controller({timeout, &stop_requested_}) == Status::kOk) {
-      if (announced_waiting_)
+      if (std::exchange(announced_waiting_, false))
         progress_.print_message(
             fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
       return true;

@@ -157,8 +157,7 @@ class Run {
   std::uint64_t frames_drawn_ = 0;                       // until the end of the run
   std::optional<RunSummary> final_summary_;              // with the counters of the link, which closes then
   std::array<bool, scene::PlacementCheck::kKinds> warned_of_{};  // objects that the script adds
-  bool announced_waiting_ = false;
-  bool had_controller_ = false;
+  bool announced_waiting_ = false;                               // and still waits
 };
 
 }  // namespace smartsurf::run

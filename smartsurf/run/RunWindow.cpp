@@ -31,9 +31,7 @@ void Run::refresh_display() {
     status.notice = "the controller is paused; the run waits for it";
   if (status.notice.empty()) status.notice = silence_;
   status.run_ended = ending_.has_value();
-  if (!ending_ && announced_waiting_ && !had_controller_ && !controller_process_ && link_ &&
-      !link_->endpoint().has_controller())
-    status.banner = waiting_banner();
+  if (!ending_ && announced_waiting_ && !controller_process_) status.banner = waiting_banner();
   if (ending_ && !restart_) status.banner = result_banner();
   display_->refresh(simulation_, status, requests_);
   if (requests_.display_lost) handle_display_loss();

@@ -489,7 +489,7 @@ void Bridge::serve_control() {
 }
 
 // A device that is not there gets the stop, or its release, with its first frames.
-std::string Bridge::answer(const std::string& command) {
+ControlAnswer Bridge::answer(const std::string& command) {
   if (command == "stop") {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     log_.add("emergency stop by the user");
@@ -500,20 +500,21 @@ std::string Bridge::answer(const std::string& command) {
       flush();
     }
     own_frame_due_ = false;
-    return "stopped\n";
+    return {"stopped\n"};
   }
-  if (command == "arm") {
-    if (emergency_.active()) log_.add("the emergency stop is released");
-    emergency_.arm();
-    if (device_ && device_->version >= 2) release_ = EmergencyStop::Release(sequence_.tick());
-    if (line_.link().described() && device_->version >= 2) {
-      line_.write_reason(SSW_ARM, SSW_NONE);
-      flush();
-    }
-    return "armed\n";
+  if (command == "arm") return {"armed\n", [this] { arm(); }};
+  if (command == "status") return {status_text()};
+  return {"error: unknown command\n"};
+}
+
+void Bridge::arm() {
+  if (emergency_.active()) log_.add("the emergency stop is released");
+  emergency_.arm();
+  if (device_ && device_->version >= 2) release_ = EmergencyStop::Release(sequence_.tick());
+  if (line_.link().described() && device_->version >= 2) {
+    line_.write_reason(SSW_ARM, SSW_NONE);
+    flush();
   }
-  if (command == "status") return status_text();
-  return "error: unknown command\n";
 }
 
 std::string Bridge::status_text() const {

@@ -129,7 +129,8 @@ class Bridge {
   void fill_actuators();
   void check_emergency_stop();
   void serve_control();
-  std::string answer(const std::string& command);
+  ControlAnswer answer(const std::string& command);
+  void arm();
   std::string status_text() const;
   bool flush();
   void count_line();

@@ -76,10 +76,12 @@ int send_command(const std::string& surface, const std::string& command) {
 
 std::string receive_answer(const std::string& surface, int socket, std::chrono::milliseconds patience) {
   pollfd ready{socket, POLLIN, 0};
-  if (::poll(&ready, 1, static_cast<int>(patience.count())) != 1) fail(socket, silent(surface));
+  // An answer is either here by then or fails to be sent.
+  if (::poll(&ready, 1, static_cast<int>(patience.count())) != 1) ::shutdown(socket, SHUT_RD);
   std::string text(kMaxAnswer, '\0');
   const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
   if (got < 0) fail(socket, silent(surface) + ": " + std::strerror(errno));
+  if (got == 0) fail(socket, silent(surface));
   ::close(socket);
   text.resize(got);
   return text;
@@ -115,7 +117,7 @@ ControlSocket::~ControlSocket() {
   ::close(listener_);
 }
 
-void ControlSocket::serve(const std::function<std::string(const std::string&)>& answer) {
+void ControlSocket::serve(const std::function<ControlAnswer(const std::string&)>& answer) {
   // Bounded: a client that keeps connecting holds up no tick.
   for (std::size_t i = 0; i < kMaxClients; ++i) {
     const int client = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
@@ -139,16 +141,19 @@ void ControlSocket::serve(const std::function<std::string(const std::string&)>& 
       continue;
     }
     if (got > 0) {
-      const std::string text = answer(std::string(command.data(), got)).substr(0, kMaxAnswer);
-      (void)::send(clients_[i], text.data(), text.size(), MSG_NOSIGNAL);
+      const ControlAnswer reply = answer(std::string(command.data(), got));
+      const std::size_t bytes = std::min(reply.text.size(), kMaxAnswer);
+      // Fails if the other end has closed or shut down, whether before or at this moment.
+      if (::send(clients_[i], reply.text.data(), bytes, MSG_NOSIGNAL) >= 0 && reply.then) reply.then();
     }
     ::close(clients_[i]);
     clients_.erase(clients_.begin() + i);
   }
 }
 
-std::string ask_bridge(const std::string& surface, const std::string& command) {
-  return receive_answer(surface, send_command(surface, command), 10s);
+std::string ask_bridge(const std::string& surface, const std::string& command,
+                       std::chrono::milliseconds patience) {
+  return receive_answer(surface, send_command(surface, command), patience);
 }
 
 std::string stop_all_bridges() {

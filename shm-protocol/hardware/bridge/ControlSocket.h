@@ -2,11 +2,19 @@
 // named after surface and user. Only processes of the same user, or root, are answered.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <string>
 #include <vector>
 
 namespace hardware {
+
+// What a command answers. `then` is done after that, and only if it arrives: a process that has given up, or
+// has ended, has told its user that nothing was done.
+struct ControlAnswer {
+  std::string text;
+  std::function<void()> then = {};
+};
 
 // The bridge's end. Never blocks.
 class ControlSocket {
@@ -19,7 +27,7 @@ class ControlSocket {
 
   int descriptor() const { return listener_; }
   // Answers every waiting process with answer(command).
-  void serve(const std::function<std::string(const std::string& command)>& answer);
+  void serve(const std::function<ControlAnswer(const std::string& command)>& answer);
 
  private:
   int listener_ = -1;
@@ -27,8 +35,9 @@ class ControlSocket {
 };
 
 // Sends a command to the bridge of that surface and returns its answer. Throws std::runtime_error with one
-// line if there is no such bridge, or it does not answer within ten seconds.
-std::string ask_bridge(const std::string& surface, const std::string& command);
+// line if there is no such bridge, or it does not answer in time.
+std::string ask_bridge(const std::string& surface, const std::string& command,
+                       std::chrono::milliseconds patience = std::chrono::seconds(10));
 
 // The emergency stop of all bridges that this user runs on this computer: what was stopped, or could not be,
 // as one line for a window. All are told before any answer is awaited.

@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <termios.h>
@@ -57,13 +58,19 @@ int open_terminal(const PortAddress& name, std::string& why) {
     why = "cannot open " + name.text + ": " + std::strerror(errno);
     return -1;
   }
+  // Two programs on one line would garble each other. The lock also binds root, whom TIOCEXCL lets pass, and
+  // TIOCEXCL also those that ask for no lock. A line that knows neither works as well.
+  if (::flock(terminal, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    why = "cannot open " + name.text + ": " + std::strerror(EBUSY);
+    ::close(terminal);
+    return -1;
+  }
   if (!make_raw(terminal, *speed_of(name.baud))) {
     why = name.text + (::isatty(terminal) ? ": the line cannot be set up: " : " is no serial line: ") +
           std::strerror(errno);
     ::close(terminal);
     return -1;
   }
-  // Two bridges on one line would garble each other. A line without this request works as well.
   ::ioctl(terminal, TIOCEXCL);
   ::tcflush(terminal, TCIFLUSH);
   return terminal;

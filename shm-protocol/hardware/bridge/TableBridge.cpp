@@ -29,6 +29,8 @@ constexpr double kLatestClosing = 0.4;   // of the period
 enum OwnChannel { kTick, kDeviceTime, kOffset, kAge, kValid, kInForce, kFlags, kHeldBack, kOwnChannels };
 constexpr const char* kBoardChannels[kOwnChannels] = {"tick",  "device_us", "offset_us", "age",
                                                       "valid", "in_force",  "flags",     "limited"};
+constexpr const char* kBoards = ".boards";   // follows the table's name in that of the boards' surface
+constexpr std::size_t kMaxName = 41;         // so that both are names of surfaces
 constexpr std::size_t kMaxLimitedName = 18;  // so that "acceleration." and a name are the name of a channel
 constexpr const char* kLimits[] = {"slew", "acceleration", "soft_start", "most_moving"};
 
@@ -59,8 +61,12 @@ TableBridge::TableBridge(TableSpec spec, BridgeOptions options, const std::atomi
   }
   const bool named = !options_.surface.empty();
   const std::string where = named ? "--shm: " : spec_.file + ":" + std::to_string(spec_.name_line) + ": ";
-  name_ = reserve_surface(named ? options_.surface : spec_.name, where);
-  boards_name_ = reserve_surface(name_->name() + ".boards", where);
+  const std::string name = named ? options_.surface : spec_.name;
+  if (name.size() > kMaxName)
+    throw std::invalid_argument(where + "name \"" + name + "\": must be 1 to " + std::to_string(kMaxName) +
+                                " characters; the surface of the boards is NAME" + kBoards);
+  name_ = reserve_surface(name, where);
+  boards_name_ = reserve_surface(name + kBoards, where);
   for (const TableBoard& board : spec_.boards) {
     boards_.push_back(std::make_unique<Board>(board, spec_.period_us, silence_of(options_, spec_.period_us)));
     boards_.back()->is_driven = !driver_ || !driver_->begins_at_rest();
@@ -585,7 +591,7 @@ void TableBridge::check_emergency_stop() {
   }
 }
 
-std::string TableBridge::answer(const std::string& command) {
+ControlAnswer TableBridge::answer(const std::string& command) {
   if (command == "stop") {
     emergency_.stop(SSW_STOP_BY_HOST, "the user");
     for (const auto& board : boards_) {
@@ -595,20 +601,21 @@ std::string TableBridge::answer(const std::string& command) {
       board->send_safe();
     }
     log_.add("emergency stop by the user");
-    return "stopped\n";
+    return {"stopped\n"};
   }
-  if (command == "arm") {
-    if (emergency_.active()) log_.add("the emergency stop is released");
-    emergency_.arm();
-    for (const auto& board : boards_) {
-      if (!board->accepted() || board->description().version < 2) continue;
-      board->send_reason(SSW_ARM, SSW_NONE);
-      board->release = EmergencyStop::Release(board->counters().frames);
-    }
-    return "armed\n";
+  if (command == "arm") return {"armed\n", [this] { arm(); }};
+  if (command == "status") return {status_text()};
+  return {"error: unknown command\n"};
+}
+
+void TableBridge::arm() {
+  if (emergency_.active()) log_.add("the emergency stop is released");
+  emergency_.arm();
+  for (const auto& board : boards_) {
+    if (!board->accepted() || board->description().version < 2) continue;
+    board->send_reason(SSW_ARM, SSW_NONE);
+    board->release = EmergencyStop::Release(board->counters().frames);
   }
-  if (command == "status") return status_text();
-  return "error: unknown command\n";
 }
 
 std::string TableBridge::status_text() const {

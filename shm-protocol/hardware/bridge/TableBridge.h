@@ -94,7 +94,8 @@ class TableBridge {
   void check_emergency_stop();
   void measure_spread();
   std::uint32_t status_of_boards();
-  std::string answer(const std::string& command);
+  ControlAnswer answer(const std::string& command);
+  void arm();
   std::string status_text() const;
   std::int64_t tick_start(std::int64_t tick) const { return epoch_ + tick * period_us_; }
 

@@ -524,8 +524,8 @@ void ssd_period(ssd_device* d) {
   if (d->silent < SSD_PATIENCE) ++d->silent;
   if (d->silent >= SSD_PATIENCE) apply_safe_values(d);
   /* A frame for an earlier period is late, but newer than the active one. */
-  if (d->tick != 0) {
-    if (d->ready_tick != d->tick) {
+  if (d->has_sent) {
+    if (d->ready_tick != d->tick || d->ready_tick == SSW_NONE) { /* no frame answers tick SSW_NONE */
       ++d->missed;
       flags |= SSW_MISSED;
     }
@@ -536,6 +536,7 @@ void ssd_period(ssd_device* d) {
   if (d->stopped) flags |= SSW_STOPPED;
   if (d->in_force == SSW_NONE) flags |= SSW_SAFE;
   ++d->tick;
+  d->has_sent = 1;
   {
     const uint32_t changed = (d->flags ^ flags) & SSW_STOPPED;
     d->flags = flags;

@@ -84,9 +84,10 @@ typedef struct ssd_device {
   ssw_receiver receiver;
   uint8_t sequence;      /* of the next packet to the host */
   uint8_t last_received; /* sequence of the host's last packet */
+  uint8_t has_sent;      /* a sensor frame, which a period without an answer leaves unanswered */
   int running;           /* SSW_START was seen */
   int version;           /* that the host speaks */
-  uint32_t tick;         /* of the last sensor frame sent */
+  uint32_t tick;         /* of the last sensor frame sent, if has_sent */
   uint32_t in_force;     /* tick that the active frame answers; SSW_NONE: the safe values */
   uint32_t missed;       /* missed deadlines */
   uint32_t silent;       /* periods without a valid packet */

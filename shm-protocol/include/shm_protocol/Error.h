@@ -14,7 +14,7 @@ enum class ErrorCode {
   kControllerLives,  // attach: another controller is attached; see pid()
   kWrongVersion,     // another major version; what() names both
   kCorrupt,          // the header is inconsistent, or does not match the file size; what() names the field
-  kForeign,          // the file of this name is not a segment of this protocol
+  kForeign,          // the file of this name is another user's or no segment of this protocol
   kLayoutChanged,    // reconnect: the new surface has different channels or a different size
   kInterrupted,      // the stop flag was raised
   kSystem            // a system call failed: no space in /dev/shm, no permission, …

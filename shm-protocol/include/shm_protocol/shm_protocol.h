@@ -75,7 +75,7 @@ typedef enum ssp_result {
   SSP_E_CONTROLLER_LIVES = -4, /* attach: another controller is attached; ssp_last_error_pid() */
   SSP_E_WRONG_VERSION = -5,    /* another major version */
   SSP_E_CORRUPT = -6,          /* the header is inconsistent, or does not match the file size */
-  SSP_E_FOREIGN = -7,          /* the file of this name is not a segment of this protocol */
+  SSP_E_FOREIGN = -7,          /* the file of this name is another user's or no segment of this protocol */
   SSP_E_LAYOUT_CHANGED = -8,   /* reconnect: the new surface has different channels or a different size */
   SSP_E_INTERRUPTED = -9,      /* the stop flag was raised while attaching */
   SSP_E_SYSTEM = -10,          /* a system call failed: no space in /dev/shm, no permission, … */
@@ -112,7 +112,7 @@ SSP_API void ssp_stop_destroy(ssp_stop*); /* null: no effect */
 /* ---- descriptions and frames ---- */
 
 typedef struct ssp_channel_spec {
-  const char* name;    /* 1 to 31 of A-Z a-z 0-9 _ . -; unique within its direction */
+  const char* name;    /* 1 to 31 of A-Z a-z 0-9 _ . -, no dot first; unique in its direction */
   const char* unit;    /* at most 15 characters; null or "": dimensionless */
   uint32_t direction;  /* SSP_SENSOR, SSP_ACTUATOR */
   uint32_t dtype;      /* SSP_F32, SSP_U32, SSP_U8 */

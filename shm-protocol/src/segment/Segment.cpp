@@ -18,11 +18,17 @@ namespace {
 
 namespace bip = boost::interprocess;
 
+void require_own(const struct stat& status, const std::string& path) {
+  if (status.st_uid != ::geteuid())
+    throw Error(ErrorCode::kForeign, path + " belongs to another user (" + std::to_string(status.st_uid) +
+                                         "), who alone may map it; choose another name");
+}
+
 [[noreturn]] void throw_foreign(const std::string& path) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) == 0) require_own(status, path);
   throw Error(ErrorCode::kForeign,
-              path +
-                  " is not a segment of this protocol, or belongs to another user; remove "
-                  "it by hand or choose another name");
+              path + " is not a segment of this protocol; remove it by hand or choose another name");
 }
 
 // An open file, in the form that bip::mapped_region takes.
@@ -92,14 +98,16 @@ std::optional<Segment> Segment::open(const std::string& name, Access access) {
   const int descriptor = impl->opened.number();
   if (descriptor < 0 && errno == ENOENT) return std::nullopt;
   if (descriptor < 0 && (errno == ENXIO || errno == ELOOP || errno == EISDIR)) throw_foreign(path);
-  if (descriptor < 0) system_error("cannot open " + path, errno);
   struct stat status {};
+  if (descriptor < 0) {
+    const int failure = errno;
+    if (failure == EACCES && ::lstat(path.c_str(), &status) == 0) require_own(status, path);
+    system_error("cannot open " + path, failure);
+  }
   if (::fstat(descriptor, &status) != 0) system_error("cannot open " + path, errno);
   // Its owner could truncate the file under this process, which would be a SIGBUS.
   if (!S_ISREG(status.st_mode)) throw_foreign(path);
-  if (status.st_uid != ::geteuid())
-    throw Error(ErrorCode::kForeign, path + " belongs to another user (" + std::to_string(status.st_uid) +
-                                         "), who alone may map it; choose another name");
+  require_own(status, path);
   if (status.st_size <= 0) throw Error(ErrorCode::kCorrupt, path + ": truncated: 0 bytes");
   impl->liveness = LivenessLock(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR, descriptor);
   impl->region = map(impl->opened, mode, path);

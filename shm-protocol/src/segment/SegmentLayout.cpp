@@ -20,6 +20,13 @@ constexpr std::uint32_t kMaxComponents = 64;
 
 std::uint64_t round_up(std::uint64_t value, std::uint64_t unit) { return (value + unit - 1) / unit * unit; }
 
+// For a message: nothing in it reaches a terminal as a control sequence.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) out += c >= ' ' && c <= '~' ? c : '?';
+  return out + "\"";
+}
+
 bool is_valid_name(const std::string& text, std::size_t max_length) {
   const auto allowed = [](unsigned char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -43,11 +50,11 @@ void check_range(const ChannelSpec& c, const std::string& where) {
 }
 
 void check_channel(const ChannelSpec& c) {
-  const std::string where = "channel \"" + c.name + "\": ";
+  const std::string where = "channel " + quoted(c.name) + ": ";
   if (!is_valid_name(c.name, sizeof(ssp_channel::name) - 1))
     reject_config(where + "a name has 1 to 31 of A-Z a-z 0-9 _ . - and does not begin with a dot");
   if (c.unit.size() >= sizeof(ssp_channel::unit) || c.unit.find('\0') != std::string::npos)
-    reject_config(where + "unit \"" + c.unit + "\": at most 15 characters");
+    reject_config(where + "unit " + quoted(c.unit) + ": at most 15 characters");
   if (c.direction != Direction::kSensor && c.direction != Direction::kActuator)
     reject_config(where + "unknown direction");
   if (c.dtype != DType::kF32 && c.dtype != DType::kU32 && c.dtype != DType::kU8)
@@ -132,7 +139,7 @@ void fill_safe(std::span<std::byte> array, const ssp_channel& c) noexcept {
 
 void check_name(const std::string& name) {
   if (!is_valid_name(name, 48))
-    reject_config("name \"" + name + "\": must be 1 to 48 of A-Z a-z 0-9 _ . - and not begin with a dot");
+    reject_config("name " + quoted(name) + ": must be 1 to 48 of A-Z a-z 0-9 _ . - and not begin with a dot");
 }
 
 std::uint64_t layout_hash(const ssp_geometry& geometry, std::span<const std::byte> directory) noexcept {

@@ -29,13 +29,18 @@ void refuse_to_overwrite(const std::string& input, const std::string& flag, cons
 }
 
 int clean_command(const std::string& prefix) {
-  for (const auto& segment : shm_protocol::remove_orphans(prefix))
+  const auto removed = shm_protocol::remove_orphans(prefix);
+  bool is_any_kept = false;
+  for (const auto& segment : removed)
     common::print_output(fmt::format("removed {} ({} bytes, left by process {})\n", segment.name,
                                      segment.bytes, segment.surface_pid));
   for (const auto& segment : shm_protocol::list_segments())
-    if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
+    if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix)) {
+      is_any_kept = true;
       common::print_output(
           fmt::format("kept {}: process {} is running\n", segment.name, segment.surface_pid));
+    }
+  if (removed.empty() && !is_any_kept) common::print_output("nothing to remove\n");
   return common::kDone;
 }
 

@@ -13,6 +13,7 @@
 
 #include "shm-protocol/hardware/bridge/TableFile.h"
 #include "shm-protocol/hardware/fake/toy.h"
+#include "tests/system/hardware/GivenUp.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
 #include "tests/system/hardware/SteppedDevice.h"
@@ -428,6 +429,16 @@ TEST(Bridge, AnswersThatAStopReplacesAreNotSent) {
   EXPECT_EQ(bridge.figure("answers"), 0u) << bridge.output();
 }
 
+TEST(Bridge, ReleaseThatIsGivenUpIsNotDoneLater) {
+  const std::string name = surface_name("bridge-given-up");
+  Device device({"--pty", line_path("given-up"), "--size", kSize, "--period-ms", "5"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  bridge.await_output("controllers attach");
+  check_commands_that_are_given_up(bridge, name);
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+}
+
 std::string ask(const std::string& command, const std::string& name) {
   Program asked({SURFACE_BRIDGE, command, name});
   EXPECT_EQ(asked.wait(), 0) << asked.output();
@@ -546,14 +557,16 @@ TEST(Bridge, BadNameOfTheSurfaceIsRefusedAtOnce) {
   bridge.await_output("controllers attach");
   std::ofstream(file)
       << "name = \"a b\"\nperiod_us = 10000\n[[board]]\ndevice = \"/dev/none\"\nat = [0, 0]\n";
-  const std::string longest(48, 'x');
   for (const auto& [flags, message] :
        {std::pair<std::vector<std::string>, std::string>{{"/dev/none", "--shm", "a/b"},
                                                          "--shm: name \"a/b\""},
         {{"/dev/none", "--shm", used}, "--shm: surface \"" + used + "\""},
         {{"--table", file}, file + ":1: name \"a b\""},
         {{"--table", file, "--shm", ".t"}, "--shm: name \".t\""},
-        {{"--table", file, "--shm", longest}, "--shm: name \"" + longest + ".boards\""},
+        {{"--table", file, "--shm", std::string(42, 'x')},
+         "--shm: name \"" + std::string(42, 'x') + "\": must be 1 to 41"},
+        {{"--table", file, "--shm", std::string(49, 'x')},
+         "--shm: name \"" + std::string(49, 'x') + "\": must be 1 to 41"},
         {{"calibrate", file, "-o", line_path("c") + ".toml"}, file + ":1: name \"a b\""}}) {
     std::vector<std::string> words{SURFACE_BRIDGE};
     words.insert(words.end(), flags.begin(), flags.end());

@@ -47,6 +47,10 @@ class Program {
   Program& operator=(const Program&) = delete;
 
   void signal(int number) const { ::kill(pid_, number); }
+  void suspend() const {
+    signal(SIGSTOP);
+    ::waitpid(pid_, nullptr, WUNTRACED);
+  }
   pid_t pid() const { return pid_; }
   // Its exit status, or minus the signal that ended it.
   int wait() {

@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "shm-protocol/hardware/bridge/Calibration.h"
+#include "tests/system/hardware/GivenUp.h"
 #include "tests/system/hardware/Program.h"
 #include "tests/system/hardware/Published.h"
 #include "tests/system/hardware/SteppedDevice.h"
@@ -301,6 +302,12 @@ TEST(Table, EmergencyStopHoldsAllBoardsUntilItIsReleased) {
   EXPECT_EQ(table.ask("arm"), "armed\n");
   checker.tick_until([&] { return checker.all_move(); });
   EXPECT_FALSE(checker.controller.sensor_info().status & kStopped);
+}
+
+TEST(Table, ReleaseThatIsGivenUpIsNotDoneLater) {
+  Table table("given-up", "1x1");
+  table.bridge->await_output("controllers attach");
+  check_commands_that_are_given_up(*table.bridge, table.name);
 }
 
 TEST(Table, AnswersThatAStopReplacesAreNotSent) {

@@ -1,9 +1,34 @@
 """Either program is stopped or killed at an arbitrary time: no hang, no unusable segment, a one-line message."""
 import random
 import re
+import sys
 
 from programs import *
 
+PYTHON_CLIENT = {**os.environ, "PYTHONPATH": str(ROOT / "shm-protocol/python"),
+                 "SHM_PROTOCOL_LIBRARY": str(next(BIN.parent.glob("lib*/**/libshm_protocol_c.so.1")))}
+# Controllers one after another, each a process that answers so many ticks and then ends in that way.
+SHORT_LIVED = """
+import os, pathlib, signal, sys, time
+import shm_protocol
+name, log, plan = sys.argv[1], pathlib.Path(sys.argv[2]), sys.argv[3:]
+for answers, end in zip(map(int, plan[::2]), plan[1::2]):
+    if child := os.fork():
+        os.waitpid(child, 0)
+        continue
+    with shm_protocol.Controller(name, timeout=60) as table:
+        while f"controller attached (process {os.getpid()})" not in log.read_text():
+            time.sleep(0.002)
+        for _ in range(answers):
+            assert table.wait(60)
+            table.actuators["height"][:] = 1
+            table.publish()
+        if end == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if end == "exit":
+            os._exit(1)
+    os._exit(0)
+"""
 DEATHS = int(os.environ.get("SMARTSURF_DEATHS", "1"))  # of each shell command
 
 
@@ -52,6 +77,20 @@ class Death(ProgramTest):
         self.assertIn("the controller is gone", err)
         self.assertIn("controller attached", err)
         self.assertEqual(self.finish(controller)[0], 0)
+
+    def test_each_controller_that_leaves_is_reported_however_early(self):
+        plan = [(answers, end) for answers in range(3) for end in ("kill", "exit", "close")]
+        random.Random(17).shuffle(plan)
+        log, ticks = self.folder / "log", sum(answers for answers, _ in plan) + 30
+        with log.open("w") as err:
+            surface = self.start(SMARTSURF, "run", str(ROOT / "scripts/examples/pin.lua"), "--shm", self.shm, "--ticks", str(ticks), stderr=err)
+        clients = subprocess.run([sys.executable, "-B", "-c", SHORT_LIVED, self.shm, str(log),
+                                  *(str(word) for client in (*plan, (30, "close")) for word in client)],
+                                 capture_output=True, text=True, timeout=PATIENCE, env=PYTHON_CLIENT)
+        self.assertEqual((clients.returncode, clients.stderr), (0, ""))
+        self.assertEqual(self.finish(surface)[0], 0, log.read_text())
+        said = re.findall("smartsurf: (waiting for|controller attached|the controller is gone)", log.read_text())
+        self.assertEqual(said, ["waiting for", "controller attached", "the controller is gone"] * len(plan) + ["waiting for", "controller attached"])
 
     def test_killed_child_controller_gives_status_3(self):
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--controller", "exec sleep 600", "--until", "600")
@@ -208,7 +247,10 @@ class Death(ProgramTest):
         self.assertTrue(self.segment().exists())
         status, out, err = self.run_program(SMARTSURF, "clean", self.shm)
         self.assertEqual(status, 0, err)
+        self.assertIn(f"removed {self.shm} ", out)
         self.assertFalse(self.segment().exists())
+        for name in (self.shm, "x" * 200):
+            self.assertEqual(self.run_program(SMARTSURF, "clean", name), (0, "nothing to remove\n", ""))
 
     def test_second_surface_and_controller_errors_name_first_process(self):
         surface, controller = self.start_pair("--until", "6000", "--set", "hold=0")

@@ -175,7 +175,7 @@ class Dump(unittest.TestCase):
         try:
             name = path.split("smartsurf.")[1]
             self.assertRegex(dump("--list"), rf"{name} +foreign")
-            self.assertIn("not a surface's segment", dump(name, status=1))
+            self.assertIn("not a surface's segment", dump(name, status=2))
             dump(f"--clean={name}")
             self.assertTrue(os.path.exists(path))
         finally:
@@ -188,7 +188,7 @@ class Dump(unittest.TestCase):
             os.chown(f"/dev/shm/smartsurf.{pair.name}", 65534, 65534)
             self.assertRegex(dump("--list"), rf"{pair.name} +living .* of another user \(65534\)\n")
             self.assertEqual([s["user"] for s in json.loads(dump("--list", "--json")) if s["name"] == pair.name], [65534])
-            self.assertIn("belongs to another user (65534), who alone may map it", dump(pair.name, status=1))
+            self.assertIn("belongs to another user (65534), who alone may map it", dump(pair.name, status=2))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <random>
 #include <vector>
 
 #include "shm-protocol/src/segment/Ownership.h"
@@ -167,6 +168,31 @@ TEST(Segment, FifoSocketFolderAndLinkAreRefusedAtOnce) {
   ::unlink(path.c_str());
 }
 
+// Whatever bytes a caller passes on, the message is one line without control sequences.
+TEST(Segment, RefusedNamesAreQuotedWithoutControlCharacters) {
+  std::mt19937 random(5);
+  for (int i = 0; i < 1000; ++i) {
+    std::string name(1 + random() % 60, '\0');
+    for (char& c : name) c = static_cast<char>(random() % 2 != 0 ? 'a' + random() % 26 : random() % 256);
+    name[random() % name.size()] = '\033';
+    std::string shown = name;
+    std::ranges::replace_if(
+        shown, [](char c) { return c < ' ' || c > '~'; }, '?');
+    SurfaceConfig named = small_surface(name), channel = small_surface("x"), unit = channel;
+    channel.channels[0].name = name;
+    unit.channels[0].unit = name + std::string(16, 'u');
+    for (const SurfaceConfig& config : {named, channel, unit}) try {
+        SurfaceEndpoint::create(config);
+        ADD_FAILURE() << shown;
+      } catch (const Error& e) {
+        const std::string said = e.what();
+        EXPECT_EQ(e.code(), ErrorCode::kBadConfig);
+        EXPECT_NE(said.find('"' + shown), std::string::npos) << said;
+        EXPECT_TRUE(std::ranges::all_of(said, [](char c) { return c >= ' ' && c <= '~'; })) << said;
+      }
+  }
+}
+
 TEST(Segment, SegmentOfAnotherUserIsRefused) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can become another user";
   const std::string name = unique_name("other-user");
@@ -181,6 +207,24 @@ TEST(Segment, SegmentOfAnotherUserIsRefused) {
     return ::setuid(65534) == 0 &&
            is_refused(ErrorCode::kForeign, [&] { ControllerEndpoint::attach(name); }) &&
            inspect_segment("smartsurf." + name).ownership == Ownership::kForeign;
+  }));
+  // As surfaces make it, that user cannot even open it.
+  ASSERT_EQ(::chmod(file_path(name).c_str(), 0600), 0);
+  EXPECT_TRUE(succeeds_within_a_second([&] {
+    const auto message = [&](auto&& action) {
+      try {
+        action();
+      } catch (const Error& e) {
+        return std::string(e.what());
+      }
+      return std::string();
+    };
+    const std::string other =
+        file_path(name) + " belongs to another user (0), who alone may map it; choose another name";
+    return ::setuid(65534) == 0 && every_role_is_refused(name, ErrorCode::kForeign) &&
+           message([&] { SurfaceEndpoint::create(small_surface(name)); }) == other &&
+           message([&] { ControllerEndpoint::attach(name); }) == other &&
+           message([&] { ObserverEndpoint::attach(name); }) == other;
   }));
 }
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 
 #include "shm-protocol/hardware/bridge/DeviceLink.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
@@ -45,6 +46,32 @@ struct FirmwareHarness {
   int frames = 0;
 };
 
+// The firmware's library alone, with 2 by 3 cells of one channel, started.
+struct OneChannelDevice {
+  explicit OneChannelDevice(ssd_channel& channel) {
+    const ssw_hello hello{SSW_VERSION, 1, 2, 3, 1000, 1, 1, "skin"};
+    const auto write = [](void* to, const std::uint8_t* bytes, std::size_t count) {
+      static_cast<Bytes*>(to)->insert(static_cast<Bytes*>(to)->end(), bytes, bytes + count);
+      return 1;
+    };
+    ssd_init(&device, &hello, &channel, 1, write, &out);
+    link.write(SSW_DESCRIBE, 0, in);
+    link.write(SSW_START, 0, in);
+  }
+  OneChannelDevice(const OneChannelDevice&) = delete;
+  OneChannelDevice& operator=(const OneChannelDevice&) = delete;
+  const SensorFrame& period() {
+    for (const std::uint8_t b : std::exchange(in, {})) ssd_receive(&device, b);
+    ssd_period(&device);
+    for (const std::uint8_t b : std::exchange(out, {})) link.receive(b);
+    return link.frame();
+  }
+
+  Bytes in, out;
+  ssd_device device;
+  DeviceLink link;
+};
+
 TEST(Firmware, SendsNoFramesBeforeStart) {
   Bytes out;
   ToyDevice device(4, 5, 1000, [&](const std::uint8_t* b, std::size_t n) {
@@ -81,28 +108,41 @@ TEST(Firmware, MissedDeadlineKeepsPreviousFrame) {
   EXPECT_TRUE(b.all(150));
 }
 
+// Ticks are counted modulo 2^32, and FFFFFFFF, which stands for no answer, cannot be answered.
+TEST(Firmware, EachUnansweredTickIsMissedWhereTicksBeginAgain) {
+  std::mt19937 random(2);
+  for (int session = 0; session < 50; ++session) {
+    std::uint8_t height[6] = {}, next[6] = {};
+    ssd_channel channel{{0, SSW_ACTUATOR, SSW_U8, 1, 0, 255, 0, 1, 0, "height", ""}, height, next};
+    OneChannelDevice b(channel);
+    b.period();
+    b.device.tick = SSW_NONE - random() % 16;
+    std::uint32_t missed = b.period().missed, in_force = SSW_NONE;
+    for (int i = 0; i < 32; ++i) {
+      const std::uint32_t tick = b.link.frame().tick;
+      const bool is_sent = random() % 4 != 0, is_answer = is_sent && tick != SSW_NONE;
+      if (is_sent) b.link.write_frame(tick, std::vector<float>(6, static_cast<float>(tick % 256)), b.in);
+      if (is_answer) in_force = tick;
+      if (!is_answer) ++missed;
+      const SensorFrame& frame = b.period();
+      EXPECT_EQ(frame.tick, tick + 1);
+      EXPECT_EQ(frame.missed, missed) << tick;
+      EXPECT_EQ(frame.flags & SSW_MISSED, is_answer ? 0u : SSW_MISSED) << tick;
+      EXPECT_EQ(frame.active_tick, in_force) << tick;
+      EXPECT_EQ(height[5], in_force == SSW_NONE ? 0 : in_force % 256) << tick;
+    }
+  }
+}
+
 TEST(Firmware, AnswerToADeviceWithoutActuatorsIsOne) {
-  Bytes out, in;
   std::uint8_t touch[6] = {};
   ssd_channel channel{{0, SSW_SENSOR, SSW_U8, 1, 0, 1, 0, 1, 0, "touch", ""}, touch, nullptr};
-  const ssw_hello hello{SSW_VERSION, 1, 2, 3, 1000, 1, 1, "skin"};
-  ssd_device device;
-  const auto write = [](void* to, const std::uint8_t* bytes, std::size_t count) {
-    static_cast<Bytes*>(to)->insert(static_cast<Bytes*>(to)->end(), bytes, bytes + count);
-    return 1;
-  };
-  ssd_init(&device, &hello, &channel, 1, write, &out);
-  DeviceLink link;
-  link.write(SSW_DESCRIBE, 0, in);
-  link.write(SSW_START, 0, in);
+  OneChannelDevice b(channel);
   for (std::uint32_t tick = 1; tick <= 5; ++tick) {
-    for (const std::uint8_t b : std::exchange(in, {})) ssd_receive(&device, b);
-    ssd_period(&device);
-    for (const std::uint8_t b : std::exchange(out, {})) link.receive(b);
-    ASSERT_EQ(link.frame().tick, tick);
-    EXPECT_EQ(link.frame().missed, 0u);
-    EXPECT_EQ(link.frame().active_tick, tick == 1 ? SSW_NONE : tick - 1);
-    link.write_frame(tick, {}, in);
+    ASSERT_EQ(b.period().tick, tick);
+    EXPECT_EQ(b.link.frame().missed, 0u);
+    EXPECT_EQ(b.link.frame().active_tick, tick == 1 ? SSW_NONE : tick - 1);
+    b.link.write_frame(tick, {}, b.in);
   }
 }
 

@@ -115,6 +115,36 @@ TEST(Port, TerminalIsRawAndWithoutFlowControl) {
   }
 }
 
+// Also by root, whom no terminal refuses. A refused program leaves the line as it is.
+TEST(Port, TerminalIsOpenOnce) {
+  const std::string link = ::testing::TempDir() + "port-test-once-" + std::to_string(::getpid());
+  const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::terminal(link)));
+  std::mt19937 random(3);
+  std::vector<std::uint8_t> sent, got;
+  for (int session = 0; session < 20; ++session) {
+    std::string why;
+    auto port = Port::open(PortAddress::parse(link, 115200), why);
+    ASSERT_TRUE(port) << why;
+    sent.resize(1 + random() % 100);
+    for (std::uint8_t& byte : sent) byte = static_cast<std::uint8_t>(random());
+    line->write(sent);
+    for (std::uint32_t others = random() % 3; others > 0; --others) {
+      ASSERT_FALSE(Port::open(PortAddress::parse(link, 9600), why));
+      EXPECT_EQ(why, "cannot open " + link + ": Device or resource busy");
+    }
+    termios settings{};
+    ASSERT_EQ(::tcgetattr(port->descriptor(), &settings), 0);
+    EXPECT_EQ(::cfgetispeed(&settings), static_cast<speed_t>(B115200));
+    for (got.clear(); got.size() < sent.size();) {
+      std::uint8_t bytes[100];
+      const auto n = read_some(*port, bytes);
+      ASSERT_TRUE(n);
+      got.insert(got.end(), bytes, bytes + *n);
+    }
+    EXPECT_EQ(got, sent);
+  }
+}
+
 // A host that vanishes from the network sends no FIN and no RST: the device holds its connection.
 TEST(Port, DeviceGivesUpAConnectionThatItsNetworkHasCut) {
   const auto device = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::tcp(0)));
