@@ -87,6 +87,7 @@ std::optional<program::Program> compile_program(const CompileOptions& options, s
                                                 syntax::Diagnostics& diagnostics) {
   syntax::Preprocessor preprocessor(preprocessing(options), reader, sources, diagnostics);
   std::vector<syntax::Statement> statements = syntax::Parser(preprocessor, sources, diagnostics).parse();
+  if (preprocessor.is_aborted()) return std::nullopt;
   if (mark.line != 0) insert(mark, sources, statements);
   std::vector<std::string> names = preprocessor.macros().names();
   const std::vector<std::string> defines = preprocessor.define_names();
