@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "apron/compiler/Builtins.h"
@@ -58,12 +59,36 @@ void check_program(const program::Program& program, std::size_t max_addr,
   }
 }
 
+// The line of the main file that leads to the location.
+std::uint32_t main_line(syntax::Location at, const syntax::SourceManager& sources) {
+  while (at.expansion != 0 || at.file != 0)
+    at = at.expansion != 0 ? sources.expansion(at.expansion).call : sources.file(at.file).included_from;
+  return at.line;
+}
+
+void insert(const Mark& mark, const syntax::SourceManager& sources,
+            std::vector<syntax::Statement>& statements) {
+  syntax::Statement print;
+  print.kind = syntax::StatementKind::kCall;
+  print.location = {0, mark.line, 1, 0};
+  print.value.kind = syntax::ExpressionKind::kCall;
+  print.value.text = "print";
+  print.value.children.resize(1);
+  print.value.children[0].kind = syntax::ExpressionKind::kString;
+  print.value.children[0].text = mark.text;
+  const auto behind = std::ranges::find_if(statements, [&](const syntax::Statement& statement) {
+    return main_line(statement.location, sources) >= mark.line;
+  });
+  statements.insert(behind, std::move(print));
+}
+
 std::optional<program::Program> compile_program(const CompileOptions& options, syntax::FileReader& reader,
-                                                syntax::SourceManager& sources,
+                                                const Mark& mark, syntax::SourceManager& sources,
                                                 syntax::Diagnostics& diagnostics) {
   syntax::Preprocessor preprocessor(preprocessing(options), reader, sources, diagnostics);
-  const std::vector<syntax::Statement> statements =
-      syntax::Parser(preprocessor, sources, diagnostics).parse();
+  std::vector<syntax::Statement> statements = syntax::Parser(preprocessor, sources, diagnostics).parse();
+  if (preprocessor.is_aborted()) return std::nullopt;
+  if (mark.line != 0) insert(mark, sources, statements);
   std::vector<std::string> names = preprocessor.macros().names();
   const std::vector<std::string> defines = preprocessor.define_names();
   names.insert(names.end(), defines.begin(), defines.end());
@@ -90,10 +115,10 @@ syntax::PreprocessorOptions preprocessing(const CompileOptions& options) {
   return result;
 }
 
-CompileResult compile(const CompileOptions& options, syntax::FileReader& reader) {
+CompileResult compile(const CompileOptions& options, syntax::FileReader& reader, const Mark& mark) {
   CompileResult result;
   syntax::Diagnostics diagnostics;
-  result.program = compile_program(options, reader, result.sources, diagnostics);
+  result.program = compile_program(options, reader, mark, result.sources, diagnostics);
   result.diagnostics = diagnostics.take();
   result.warnings = diagnostics.take_warnings();
   return result;

@@ -1,7 +1,9 @@
 // Compiles APRON source to a program that passes program::verify(), or to diagnostics.
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "apron/program/Program.h"
@@ -20,11 +22,18 @@ struct CompileResult {
   syntax::SourceManager sources;  // for syntax::format(diagnostics, sources)
 };
 
+// A print(text) that is no line of the program: before all that the main file has from the line on, in its
+// macros and includes, too.
+struct Mark {
+  std::uint32_t line = 0;  // from 1; 0: none
+  std::string text;
+};
+
 // The language's instructions, for the preprocessor.
 syntax::PreprocessorOptions preprocessing(const CompileOptions&);
 
 // Terminates for every source and never throws because of its contents. Allocates; keeps no state between
 // calls.
-CompileResult compile(const CompileOptions&, syntax::FileReader&);
+CompileResult compile(const CompileOptions&, syntax::FileReader&, const Mark& = {});
 
 }  // namespace apron::compiler

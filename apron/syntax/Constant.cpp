@@ -4,29 +4,55 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 
 namespace apron::syntax {
 namespace {
 
 constexpr int kMaxDepth = 64;
-constexpr int kLowest = 1, kComparison = 3;  // precedences
 
 struct EvaluationError {
   Location location;
   std::string message;
 };
 
-int precedence(const Token& token) {
-  if (token.kind == TokenKind::kName) return token.text == "or" ? 1 : token.text == "and" ? 2 : 0;
-  if (token.kind != TokenKind::kPunctuator) return 0;
-  static constexpr std::pair<std::string_view, int> kOperators[] = {
-      {"||", 1}, {"&&", 2}, {"<", 3}, {"<=", 3}, {">", 3}, {">=", 3}, {"==", 3},
-      {"!=", 3}, {"+", 4},  {"-", 4}, {"*", 5},  {"/", 5}, {"%", 5}};
-  for (const auto& [text, level] : kOperators) {
-    if (token.text == text) return level;
-  }
-  return 0;
+// As program::to_scalar(): whole numbers up to 2^53 are exact, all others 32-bit floats.
+constexpr double kMaxWhole = 9007199254740992.0;
+
+bool is_whole(double value) { return std::fabs(value) <= kMaxWhole && value == std::trunc(value); }
+double to_scalar(double value) {
+  return is_whole(value) ? value : static_cast<double>(static_cast<float>(value));
+}
+// The bits of a 64-bit integer; of a number that is none, no bits.
+std::int64_t bits_of(double value) { return is_whole(value) ? static_cast<std::int64_t>(value) : 0; }
+
+double modulo(double a, double b) {
+  if (is_whole(a) && is_whole(b)) return a - b * std::floor(a / b);
+  const auto x = static_cast<float>(a), y = static_cast<float>(b);
+  return x - y * std::floor(x / y);
+}
+
+double shifted(std::int64_t bits, std::string_view op, double by) {
+  if (op == "<<" && (by < 0.0 || by >= 64.0)) return 0.0;
+  if (op == "<<")
+    return static_cast<double>(
+        static_cast<std::int64_t>(static_cast<std::uint64_t>(bits) << static_cast<unsigned>(by)));
+  return static_cast<double>(bits >> static_cast<unsigned>(by >= 0.0 && by < 63.0 ? by : 63.0));
+}
+
+bool is_logical(std::string_view op) {
+  return op == "and" || op == "or" || op == "xor" || op == "nand" || op == "nor" || op == "&&" || op == "||";
+}
+bool truth_of(std::string_view op, bool a, bool b) {
+  if (op == "xor") return a != b;
+  if (op == "or" || op == "||") return a || b;
+  if (op == "nor") return !(a || b);
+  return (a && b) != (op == "nand");
+}
+
+bool takes_bits(std::string_view op) {
+  return op == "&" || op == "|" || op == "^" || op == "<<" || op == ">>" || op == "~";
 }
 
 class ConstantEvaluator {
@@ -34,7 +60,7 @@ class ConstantEvaluator {
   ConstantEvaluator(const Tokens& tokens, Location location) : tokens_(tokens), end_location_(location) {}
 
   Constant evaluate() {
-    Constant value = parse_binary(kLowest);
+    Constant value = parse_binary(1);
     if (position_ < tokens_.size())
       fail(fmt::format("unexpected '{}' in a constant", spelling(tokens_[position_])));
     return value;
@@ -74,82 +100,105 @@ class ConstantEvaluator {
     Location location;
   };
 
-  Constant apply(const Token& op, const Operand& left, const Operand& right) const {
-    const Constant &a = left.value, &b = right.value;
-    const int level = precedence(op);
-    if (level == kComparison) {
-      const std::optional<bool> result = compare(a, op.text, b);
+  static double number_of(const Constant& value, const Token& op) {
+    if (value.is_string)
+      throw EvaluationError{op.location,
+                            fmt::format("'{}' is not a constant number", display_name(value.text))};
+    if (takes_bits(op.text) && value.number != std::floor(value.number))
+      throw EvaluationError{op.location, fmt::format("'{}' takes whole numbers, and {} has a fraction{}",
+                                                     op.text, static_cast<float>(value.number),
+                                                     op.is("^") ? "; a power is pow(a, b)" : "")};
+    return value.number;
+  }
+
+  static Constant apply(const Token& op, const Operand& left, const Operand& right) {
+    if (infix_precedence(op) == kComparisonPrecedence) {
+      const std::optional<bool> result = compare(left.value, op.text, right.value);
       if (!result) throw EvaluationError{op.location, "texts and names compare by == and != only"};
       return from_number(*result ? 1.0 : 0.0);
     }
-    if (level < kComparison) {
-      const bool is_left = is_true(a, left.location), is_right = is_true(b, right.location);
-      return from_number((level == kLowest ? is_left || is_right : is_left && is_right) ? 1.0 : 0.0);
+    if (is_logical(op.text)) {
+      const bool is_left = is_true(left.value, left.location),
+                 is_right = is_true(right.value, right.location);
+      return from_number(truth_of(op.text, is_left, is_right) ? 1.0 : 0.0);
     }
-    if (a.is_string || b.is_string) {
-      throw EvaluationError{op.location, fmt::format("'{}' is not a constant number",
-                                                     display_name(a.is_string ? a.text : b.text))};
-    }
+    const double a = number_of(left.value, op), b = number_of(right.value, op);
     switch (op.text.front()) {
       case '+':
-        return from_number(a.number + b.number);
+        return from_number(to_scalar(a + b));
       case '-':
-        return from_number(a.number - b.number);
+        return from_number(to_scalar(a - b));
       case '*':
-        return from_number(a.number * b.number);
+        return from_number(to_scalar(a * b));
       case '/':
-        return from_number(a.number / b.number);
+        return from_number(to_scalar(a / b));
+      case '%':
+        return from_number(to_scalar(modulo(a, b)));
+      case '&':
+        return from_number(to_scalar(static_cast<double>(bits_of(a) & bits_of(b))));
+      case '|':
+        return from_number(to_scalar(static_cast<double>(bits_of(a) | bits_of(b))));
+      case '^':
+        return from_number(to_scalar(static_cast<double>(bits_of(a) ^ bits_of(b))));
       default:
-        return from_number(a.number - b.number * std::floor(a.number / b.number));
+        return from_number(to_scalar(shifted(bits_of(a), op.text, b)));
     }
+  }
+
+  int next_precedence() const {
+    return position_ < tokens_.size() ? infix_precedence(tokens_[position_]) : 0;
   }
 
   Constant parse_binary(int level) {
     const Location begin = current_location();
-    Constant left = parse_operand(level);
-    for (bool is_comparison = false; position_ < tokens_.size();) {
+    Constant left = parse_not(level);
+    for (bool is_comparison = false; next_precedence() >= level;) {
       const Token& op = tokens_[position_];
-      if (precedence(op) < level) break;
-      if (std::exchange(is_comparison, precedence(op) == kComparison) && is_comparison)
+      const int precedence = infix_precedence(op);
+      if (std::exchange(is_comparison, precedence == kComparisonPrecedence) && is_comparison)
         fail("comparisons do not chain; join them with 'and'");
       ++position_;
       const Location middle = current_location();
-      const Constant right = parse_binary(precedence(op) + 1);
+      const Constant right = parse_binary(precedence + 1);
       left = apply(op, {left, begin}, {right, middle});
     }
     return left;
   }
 
-  // `not` is above `and` and below comparisons, as in expressions.
-  Constant parse_operand(int level) {
-    const bool is_not =
-        level <= kComparison && position_ + 1 < tokens_.size() && tokens_[position_].is_name("not");
+  // `not` as in expressions: above `and` and below comparisons. Before a bracket and behind an operator that
+  // binds tighter, it takes one operand, and what follows has two readings.
+  Constant parse_not(int level) {
+    const bool is_not = position_ + 1 < tokens_.size() && tokens_[position_].is_name("not");
     const auto begins_operand = [](const Token& token) {
-      return precedence(token) == 0 || token.is("-") || token.is("+");
+      return infix_precedence(token) == 0 || token.is("-") || token.is("+");
     };
     if (!is_not || !begins_operand(tokens_[position_ + 1])) return parse_unary();
     if (++depth_ > kMaxDepth) fail("this constant is nested too deeply");
     const Location begin = tokens_[++position_].location;
-    const bool has_parenthesis = tokens_[position_].is("(");
-    const Constant value = has_parenthesis ? parse_unary() : parse_binary(kComparison);
-    if (has_parenthesis && position_ < tokens_.size() && precedence(tokens_[position_]) >= kComparison)
-      fail(fmt::format("'not (…) {}' has two readings: put one in parentheses", tokens_[position_].text));
+    const bool has_bracket = tokens_[position_].is("("), is_loose = level <= kNotPrecedence && !has_bracket;
+    const Constant value = is_loose      ? parse_binary(kNotPrecedence)
+                           : has_bracket ? parse_unary()
+                                         : parse_not(level);
+    if (!is_loose && next_precedence() > kNotPrecedence)
+      fail(fmt::format("'not {} {}' has two readings: put one in parentheses", has_bracket ? "(…)" : "…",
+                       tokens_[position_].text));
     --depth_;
     return from_number(is_true(value, begin) ? 0.0 : 1.0);
   }
 
   Constant parse_unary() {
     if (++depth_ > kMaxDepth) fail("this constant is nested too deeply");
+    const Token* const op = position_ < tokens_.size() ? &tokens_[position_] : nullptr;
     Constant value;
     if (consume("-")) {
-      value = parse_unary();
-      if (value.is_string) fail(fmt::format("'{}' is not a constant number", display_name(value.text)));
-      value.number = -value.number;
+      value = from_number(-number_of(parse_not(kTightest), *op));
+    } else if (consume("~")) {
+      value = from_number(to_scalar(static_cast<double>(~bits_of(number_of(parse_not(kTightest), *op)))));
     } else if (consume("+")) {
-      value = parse_unary();
+      value = parse_not(kTightest);
     } else if (consume("!")) {
       const Location begin = current_location();
-      value = from_number(is_true(parse_unary(), begin) ? 0.0 : 1.0);
+      value = from_number(is_true(parse_not(kTightest), begin) ? 0.0 : 1.0);
     } else {
       value = parse_primary();
     }
@@ -159,7 +208,7 @@ class ConstantEvaluator {
 
   Constant parse_primary() {
     if (consume("(")) {
-      Constant value = parse_binary(kLowest);
+      Constant value = parse_binary(1);
       if (!consume(")")) fail("expected ')'");
       return value;
     }

@@ -19,7 +19,7 @@ struct Constant {
 // Compares by one of < <= > >= == !=. Returns nullopt if the two cannot be compared.
 std::optional<bool> compare(const Constant&, std::string_view op, const Constant&);
 
-// Evaluates numbers, texts, names, ( ), unary - + !, * / %, + -, comparisons, not, and, or, && and ||.
+// Evaluates numbers, texts, names and all operators, which mean what they mean when the program runs.
 // Reports errors at the token, or at `location` if there is none.
 std::optional<Constant> evaluate_constant(const Tokens&, Location location, Diagnostics&);
 // True if the tokens are a number other than 0. A text, or a name that stands for nothing, is an error.

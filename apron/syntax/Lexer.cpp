@@ -309,6 +309,24 @@ bool is_keyword(std::string_view name) {
   return std::ranges::find(kKeywords, name) != std::end(kKeywords);
 }
 
+int infix_precedence(const Token& token) {
+  static constexpr std::pair<std::string_view, int> kWords[] = {
+      {"or", 1}, {"nor", 1}, {"xor", 2}, {"and", 3}, {"nand", 3}};
+  static constexpr std::pair<std::string_view, int> kSymbols[] = {
+      {"||", 1}, {"&&", 3}, {"<", 5},  {"<=", 5}, {">", 5},  {">=", 5}, {"==", 5}, {"!=", 5}, {"|", 6},
+      {"^", 7},  {"&", 8},  {"<<", 9}, {">>", 9}, {"+", 10}, {"-", 10}, {"*", 11}, {"/", 11}, {"%", 11}};
+  if (token.kind == TokenKind::kName) {
+    for (const auto& [text, level] : kWords) {
+      if (token.text == text) return level;
+    }
+  } else if (token.kind == TokenKind::kPunctuator) {
+    for (const auto& [text, level] : kSymbols) {
+      if (token.text == text) return level;
+    }
+  }
+  return 0;
+}
+
 std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last) {
   std::vector<Tokens> list;
   if (first == last) return list;

@@ -12,28 +12,6 @@
 namespace apron::syntax {
 namespace {
 
-constexpr int kNotPrecedence = 4;
-constexpr int kComparisonPrecedence = 5;
-constexpr int kTightest = 12;  // beyond the infix operators
-
-int infix_precedence(const Token& token) {
-  static constexpr std::pair<std::string_view, int> kWords[] = {
-      {"or", 1}, {"nor", 1}, {"xor", 2}, {"and", 3}, {"nand", 3}};
-  static constexpr std::pair<std::string_view, int> kSymbols[] = {
-      {"||", 1}, {"&&", 3}, {"<", 5},  {"<=", 5}, {">", 5},  {">=", 5}, {"==", 5}, {"!=", 5}, {"|", 6},
-      {"^", 7},  {"&", 8},  {"<<", 9}, {">>", 9}, {"+", 10}, {"-", 10}, {"*", 11}, {"/", 11}, {"%", 11}};
-  if (token.kind == TokenKind::kName) {
-    for (const auto& [text, level] : kWords) {
-      if (token.text == text) return level;
-    }
-  } else if (token.kind == TokenKind::kPunctuator) {
-    for (const auto& [text, level] : kSymbols) {
-      if (token.text == text) return level;
-    }
-  }
-  return 0;
-}
-
 bool is_comparison(const Token& token) {
   return token.kind == TokenKind::kPunctuator && infix_precedence(token) == kComparisonPrecedence;
 }
@@ -49,10 +27,20 @@ std::vector<Expression> children(Expressions&&... expressions) {
   return all;
 }
 
+// Numbers and operators alone.
 bool is_numeric_constant(const Tokens& tokens) {
-  return std::ranges::all_of(tokens, [](const Token& token) {
-    return token.kind == TokenKind::kNumber || token.kind == TokenKind::kPunctuator;
-  });
+  const auto is_number = [](const Token& token) { return token.kind == TokenKind::kNumber; };
+  return std::ranges::any_of(tokens, is_number) && std::ranges::all_of(tokens, [&](const Token& token) {
+           return is_number(token) || token.kind == TokenKind::kPunctuator || infix_precedence(token) != 0 ||
+                  token.is_name("not");
+         });
+}
+
+// As the source could write it.
+Token number_token(double number, Location location) {
+  const bool is_whole = number == std::trunc(number);
+  return {TokenKind::kNumber, location,
+          is_whole ? fmt::format("{}", number) : fmt::format("{}", static_cast<float>(number)), number};
 }
 
 // c[3] for c[2 + 1].
@@ -65,9 +53,7 @@ Tokens with_constant_index(const Tokens& tokens, Diagnostics& diagnostics) {
     return tokens;
   const auto value = evaluate_constant(index, index.front().location, diagnostics);
   if (!value) return tokens;
-  const Token number{TokenKind::kNumber, index.front().location, fmt::format("{}", value->number),
-                     value->number};
-  return {tokens[0], tokens[1], number, tokens.back()};
+  return {tokens[0], tokens[1], number_token(value->number, index.front().location), tokens.back()};
 }
 
 }  // namespace
@@ -347,6 +333,12 @@ Expression Parser::make_binary(const Token& op, Expression left, Expression righ
   return make_expression(ExpressionKind::kBinary, op, children(std::move(left), std::move(right)));
 }
 
+// True if an `!operator` gives one of the tokens another meaning.
+bool Parser::mentions_rebound(const Tokens& tokens) const {
+  return std::ranges::any_of(
+      tokens, [&](const Token& token) { return !preprocessor_.operator_target(token.text).empty(); });
+}
+
 std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& call,
                                                                  const std::vector<Tokens>& argument_tokens) {
   std::vector<MacroArgument> arguments;
@@ -356,6 +348,10 @@ std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& ca
     MacroArgument argument;
     if (tokens.size() == 1 || is_element_access(tokens)) {
       argument.tokens = tokens;
+    } else if (is_numeric_constant(tokens) && !mentions_rebound(tokens)) {
+      const auto constant = evaluate_constant(tokens, tokens.front().location, diagnostics_);
+      if (!constant) throw AlreadyReported{};
+      argument.tokens = {number_token(constant->number, tokens.front().location)};
     } else if (is_numeric_constant(tokens)) {
       argument.tokens.push_back({TokenKind::kPunctuator, tokens.front().location, "(", 0.0F});
       argument.tokens.insert(argument.tokens.end(), tokens.begin(), tokens.end());
@@ -410,9 +406,6 @@ Argument Parser::make_argument(const std::string& parameter, const Tokens& writt
   const Token& first = tokens.front();
   std::string text;
   for (const Token& token : tokens) text += spelling(token);
-  const auto is_rebound = [&](const Token& token) {
-    return !preprocessor_.operator_target(token.text).empty();
-  };
   const auto kind_of = [](const Token& token) {
     return token.kind == TokenKind::kNumber   ? ExpressionKind::kNumber
            : token.kind == TokenKind::kName   ? ExpressionKind::kName
@@ -423,10 +416,6 @@ Argument Parser::make_argument(const std::string& parameter, const Tokens& writt
   if (is_element_access(tokens)) {
     value = make_expression(ExpressionKind::kElement, first,
                             children(make_expression(kind_of(tokens[2]), tokens[2])));
-  } else if (tokens.size() > 1 && is_numeric_constant(tokens) && std::ranges::none_of(tokens, is_rebound)) {
-    const auto constant = evaluate_constant(tokens, first.location, reported_in_the_body);
-    value.kind = ExpressionKind::kNumber;
-    if (constant) value.number = constant->number;
   }
   if (value.kind == ExpressionKind::kOperator) value.text = std::move(text);
   return {parameter, ArgumentType::kAny, false, std::move(value)};
@@ -436,12 +425,11 @@ Argument Parser::make_argument(const std::string& parameter, const Tokens& writt
 void Parser::check_integer(const MacroParameter& parameter, const Macro& macro, MacroArgument& argument,
                            Location location) {
   std::optional<Constant> value;
-  if (is_numeric_constant(argument.tokens) && !argument.tokens.empty())
+  if (is_numeric_constant(argument.tokens))
     value = evaluate_constant(argument.tokens, location, diagnostics_);
   if (!value || value->is_string || value->number != std::floor(value->number))
     fail_at(location, "'{}' takes a whole number that is a constant for '{}'", macro.name, parameter.name);
-  argument.tokens = {{TokenKind::kNumber, argument.tokens.front().location, fmt::format("{}", value->number),
-                      value->number}};
+  argument.tokens = {number_token(value->number, argument.tokens.front().location)};
 }
 
 // A macro inside an expression: its lines are parsed at once.

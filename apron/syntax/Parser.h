@@ -62,6 +62,7 @@ class Parser {
   Expression parse_module();
   Expression make_binary(const Token& op, Expression left, Expression right);
   Expression expand_macro(const MacroTable::Handle&, const Token& call, std::vector<MacroArgument>);
+  bool mentions_rebound(const Tokens&) const;
   std::vector<MacroArgument> parse_macro_arguments(const Token& call, const std::vector<Tokens>&);
   std::vector<Tokens> bind_arguments(MacroExpansion&, const Macro&, std::vector<MacroArgument>,
                                      Location location);

@@ -54,6 +54,7 @@ Preprocessor::Preprocessor(PreprocessorOptions options, FileReader& reader, Sour
 }
 
 void Preprocessor::abort_input() {
+  is_aborted_ = true;
   frames_.clear();
   pending_declarations_.clear();
 }

@@ -92,6 +92,8 @@ class Preprocessor {
   // The next item; kEndOfInput once all files and macros above `min_depth` (see depth()) are read.
   PreprocessedItem next(std::size_t min_depth = 0);
   std::size_t depth() const noexcept { return frames_.size(); }
+  // True if a limit, which is reported, has ended the program before its last line.
+  bool is_aborted() const noexcept { return is_aborted_; }
 
   // The macro that a call means here: none while it is being expanded itself and the language has an
   // instruction of that name.
@@ -237,6 +239,7 @@ class Preprocessor {
   std::size_t include_count_ = 0;
   std::size_t line_count_ = 0;
   std::size_t max_addr_ = SIZE_MAX;
+  bool is_aborted_ = false;
 };
 
 // The key of a define of an indexed name: "name[index]".

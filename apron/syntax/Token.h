@@ -62,6 +62,12 @@ std::string spelling(const Token&);
 // True for the words of control flow and logic, which name nothing else.
 bool is_keyword(std::string_view name);
 
+// The precedence of an infix operator, from 1, the loosest; 0 of any other token.
+int infix_precedence(const Token&);
+inline constexpr int kNotPrecedence = 4;  // of the prefix `not`
+inline constexpr int kComparisonPrecedence = 5;
+inline constexpr int kTightest = 12;  // beyond the infix operators
+
 // Removes the number of the expansion, which makes local names unique: "t:7" of a macro becomes ":t", "$a:7"
 // "$a", and "t::7" of a function "t".
 std::string display_name(const std::string& name);

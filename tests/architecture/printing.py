@@ -15,7 +15,6 @@ ALLOWED = {
     "common/text/Printable.cpp": "the functions themselves",
     "smartsurf/run/output/Progress.cpp": "redraws its line",
     "apron/run/cli/TerminalMonitor.cpp": "draws a register",
-    "apron/run/cli/Repl.cpp": "shows what was typed on the terminal",
     "apron/run/cli/LanguageServerCommand.cpp": "speaks JSON, which has no control characters",
     "apron/run/main.cpp": "asks whether the output could be written",
     "shm-protocol/tools/shm_dump.cpp": "clears the screen, prints its help",

@@ -5,7 +5,9 @@
 #include <cstdio>
 #include <iostream>
 #include <map>
+#include <set>
 #include <sstream>
+#include <tuple>
 
 #include "apron/debugger/DebugSession.h"
 #include "apron/debugger/Listing.h"
@@ -34,7 +36,7 @@ constexpr std::string_view kHelp =
     "breakpoints          list them; delete N removes one, delete all of them\n"
     "continue             run to the next breakpoint or the end; c, run\n"
     "step                 the next line, also inside macros and routines; s\n"
-    "next                 the next line of this file and routine; n\n"
+    "next                 the next line of this routine, macro or file, past those that it uses; n\n"
     "stepi                the next instruction\n"
     "tick                 to the end of the tick\n"
     "where                the next line, and the macros that it is in; w\n"
@@ -53,13 +55,12 @@ class Debugger {
   Debugger(const Options& options, CompiledProgram compiled, LocalHost& host)
       : options_(options),
         compiled_(std::move(compiled)),
-        session_(compiled_.program, vm_options(options), host) {
-    group_instructions();
-  }
+        session_(compiled_.program, vm_options(options), host),
+        step_groups_(groups([](const program::SourceLocation* at) { return at; })) {}
 
   // The exit status: kUserError if a command was refused, kFailed if the program has failed.
   int run(std::istream& in, bool prompts) {
-    say_where();
+    stop_ = say_where();
     std::string line, last;
     while (!quits_) {
       if (prompts) say("(apron) ");
@@ -90,19 +91,36 @@ class Debugger {
     say("error: " + text + "\n");
   }
 
-  // A line of a macro is a line of its own for step, and belongs to the line that calls it for next.
-  void group_instructions() {
+  using Expansions = std::set<std::uint32_t>;  // of macros and functions; 0 is the program
+
+  // The macro or function of the location, and those around it.
+  Expansions around(const program::SourceLocation* at) const {
+    Expansions all{0};
+    for (; at != nullptr && at->expansion != 0; at = &program().expansions[at->expansion].call_site)
+      all.insert(at->expansion);
+    return all;
+  }
+  // The line of one of them that leads to the location.
+  const program::SourceLocation* line_in(const Expansions& outer, const program::SourceLocation* at) const {
+    while (at != nullptr && !outer.contains(at->expansion))
+      at = &program().expansions[at->expansion].call_site;
+    return at;
+  }
+
+  // The instructions of each line, in which lines of macros count as `line_of` says.
+  template <class LineOf>
+  debugger::InstructionGroups groups(const LineOf& line_of) const {
     std::map<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>, std::uint32_t> lines;
-    const auto group = [&](const program::SourceLocation& at) {
-      return lines.try_emplace({at.file, at.line, at.expansion}, static_cast<std::uint32_t>(lines.size() + 1))
-          .first->second;
-    };
+    debugger::InstructionGroups result;
     for (std::size_t i = 0; i < program().code.size(); ++i) {
-      const program::SourceLocation* at = program::find_location(program(), i);
-      step_groups_.push_back(at != nullptr ? group(*at) : 0);
-      while (at != nullptr && at->expansion != 0) at = &program().expansions[at->expansion].call_site;
-      next_groups_.push_back(at != nullptr ? group(*at) : 0);
+      const program::SourceLocation* at = line_of(program::find_location(program(), i));
+      result.push_back(at == nullptr ? 0
+                                     : lines
+                                           .try_emplace({at->file, at->line, at->expansion},
+                                                        static_cast<std::uint32_t>(lines.size() + 1))
+                                           .first->second);
     }
+    return result;
   }
 
   void execute(const std::string& line) {
@@ -162,19 +180,25 @@ class Debugger {
     const std::vector<std::string> lines = source_lines(at);
     return at.line > 0 && at.line <= lines.size() ? lines[at.line - 1] : "";
   }
-  // outermost: of a macro, the line that uses it.
-  void say_where(bool outermost = false) {
+  // outer: those whose lines are told; all if there are none. Returns what was told.
+  const program::SourceLocation* say_where(const Expansions& outer = {}) {
     if (session_.state() == ExecutionState::kFinished) {
       if (!session_.vm().error().empty()) {
         has_failed_ = true;
-        return say(session_.vm().error() + "\n");
+        say(session_.vm().error() + "\n");
+      } else {
+        say("the program has ended\n");
       }
-      return say("the program has ended\n");
+      return nullptr;
     }
     const program::SourceLocation* at = program::find_location(program(), session_.vm().program_counter());
-    if (at == nullptr || at->line == 0) return say("at the end of the program\n");
-    while (outermost && at->expansion != 0) at = &program().expansions[at->expansion].call_site;
+    if (at == nullptr || at->line == 0) {
+      say("at the end of the program\n");
+      return nullptr;
+    }
+    if (!outer.empty()) at = line_in(outer, at);
     say(place(*at) + ": " + source_line(*at) + "\n");
+    return at;
   }
   void where(const Words&) {
     say_where();
@@ -209,12 +233,12 @@ class Debugger {
       say("interrupted\n");
     }
   }
-  void report_stop(bool outermost = false) {
+  void report_stop(const Expansions& outer = {}) {
     debugger::DebugSnapshot snapshot;
     session_.capture_snapshot({}, snapshot);
-    if (snapshot.hit && session_.state() != ExecutionState::kFinished)
-      say("breakpoint " + std::to_string(numbers_[*snapshot.hit]) + "\n");
-    say_where(outermost);
+    const bool is_hit = snapshot.hit && session_.state() != ExecutionState::kFinished;
+    if (is_hit) say("breakpoint " + std::to_string(numbers_[*snapshot.hit]) + "\n");
+    stop_ = say_where(is_hit ? Expansions{} : outer);
   }
   bool refuses_to_go_on() {
     if (session_.state() != ExecutionState::kFinished) return false;
@@ -239,18 +263,21 @@ class Debugger {
   void next(const Words&) {
     if (refuses_to_go_on()) return;
     const std::size_t depth = session_.vm().call_depth();
+    const Expansions outer = around(stop_);
+    const debugger::InstructionGroups lines =
+        groups([&](const program::SourceLocation* at) { return line_in(outer, at); });
     debugger::DebugSnapshot snapshot;
     do {
-      session_.step(StepUnit::kLine, next_groups_);
+      session_.step(StepUnit::kLine, lines);
       advance();
       session_.capture_snapshot({}, snapshot);
     } while (session_.state() != ExecutionState::kFinished && !snapshot.hit &&
              session_.vm().call_depth() > depth);
-    report_stop(true);
+    report_stop(outer);
   }
   void restart(const Words&) {
     session_.reset();
-    say_where();
+    stop_ = say_where();
   }
   void quit(const Words&) { quits_ = true; }
   void help(const Words&) { say(std::string(kHelp)); }
@@ -508,7 +535,8 @@ class Debugger {
   const Options& options_;
   CompiledProgram compiled_;
   debugger::DebugSession session_;
-  debugger::InstructionGroups step_groups_, next_groups_;
+  debugger::InstructionGroups step_groups_;
+  const program::SourceLocation* stop_ = nullptr;  // the line told at the last stop, if there is one
   std::vector<Breakpoint> breakpoints_;
   std::vector<std::uint64_t> numbers_;  // of the breakpoints, never given again
   std::uint64_t last_number_ = 0;

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <cstdio>
 #include <iostream>
-#include <sstream>
+#include <limits>
 #include <string_view>
+#include <utility>
 
+#include "apron/compiler/Builtins.h"
 #include "apron/compiler/Compiler.h"
 #include "apron/run/media/MediaError.h"
 #include "apron/run/media/MediaFile.h"
@@ -17,6 +20,7 @@
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"
 #include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
@@ -30,7 +34,7 @@ constexpr std::string_view kShades = " .:-=+*#%@";
 
 constexpr std::string_view kHelp =
     "a line of a program    run it\n"
-    "an expression          show its value\n"
+    "an expression          show its value, as println() does\n"
     ":show A                show register A as a picture\n"
     ":names                 list registers and scalars\n"
     ":list                  show the program so far\n"
@@ -43,8 +47,8 @@ constexpr std::string_view kHelp =
 // Suppresses output and file writes until the marker is printed.
 class ReplHost final : public LocalHost {
  public:
-  ReplHost(const Options& options, std::ostream& out)
-      : LocalHost(options.parameters, common::stop_flag(), {options.cameras, {}}), out_(out) {}
+  ReplHost(const Options& options, const Print& print)
+      : LocalHost(options.parameters, common::stop_flag(), {options.cameras, {}}), print_(print) {}
 
   bool marker_reached() const { return output_enabled_; }
   bool line_open() const { return line_open_; }
@@ -52,7 +56,7 @@ class ReplHost final : public LocalHost {
     if (text == kMarker) {
       output_enabled_ = true;
     } else if (output_enabled_) {
-      out_ << text;
+      print_(text);
       if (!text.empty()) line_open_ = text.back() != '\n';
     }
   }
@@ -64,7 +68,7 @@ class ReplHost final : public LocalHost {
   }
 
  private:
-  std::ostream& out_;
+  const Print& print_;
   bool output_enabled_ = false, line_open_ = false;
 };
 
@@ -94,6 +98,43 @@ std::string strip(const std::string& text) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   if (first == std::string::npos) return {};
   return text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
+}
+
+enum class EntryKind { kStatement, kExpression, kEither };
+
+// A name or call may be either.
+EntryKind kind_of(const std::string& text) {
+  syntax::SourceManager sources;
+  syntax::Diagnostics diagnostics;
+  const std::vector<syntax::Line> lines = syntax::lex(sources, sources.add_file("", text, {}), diagnostics);
+  if (lines.size() != 1 || !diagnostics.empty()) return EntryKind::kStatement;
+  const syntax::Tokens& tokens = lines.front().tokens;
+  const syntax::Token& first = tokens.front();
+  const bool begins_value = first.kind == syntax::TokenKind::kNumber ||
+                            first.kind == syntax::TokenKind::kString ||
+                            first.kind == syntax::TokenKind::kPunctuator || first.is_name("not");
+  const bool is_name = first.kind == syntax::TokenKind::kName && !syntax::is_keyword(first.text);
+  if ((!begins_value && !is_name) || syntax::find_equals(tokens.begin(), tokens.end()) != tokens.end())
+    return EntryKind::kStatement;
+  int depth = 0;
+  const auto close = std::find_if(tokens.begin() + 1, tokens.end(), [&](const syntax::Token& token) {
+    depth += token.is("(") ? 1 : token.is(")") ? -1 : 0;
+    return depth == 0;
+  });
+  const bool ends_there = close == tokens.end() || close + 1 == tokens.end();
+  if (!is_name || (tokens.size() > 1 && !(tokens[1].is("(") && ends_there))) return EntryKind::kExpression;
+  const compiler::Builtin* const builtin = compiler::find_builtin(first.text);
+  return builtin != nullptr && !builtin->returns_value() ? EntryKind::kStatement : EntryKind::kEither;
+}
+
+// The text up to the comment that ends it.
+std::string without_comment(const std::string& text) {
+  bool is_quoted = false;
+  for (std::size_t i = text.rfind('\n') + 1; i < text.size(); ++i) {
+    if (text[i] == '\'') is_quoted = !is_quoted;
+    if (!is_quoted && text.compare(i, 2, "//") == 0) return strip(text.substr(0, i));
+  }
+  return text;
 }
 
 }  // namespace
@@ -155,15 +196,16 @@ std::string format_register_ascii(const std::vector<float>& cells, std::uint32_t
          " to " + vm::format_number(high) + "\n";
 }
 
-Repl::Repl(const Options& options, std::istream& in, std::ostream& out, bool prompts)
-    : options_(options), in_(in), out_(out), prompts_(prompts) {
+Repl::Repl(const Options& options, std::istream& in, Print print, bool prompts)
+    : options_(options), in_(in), print_(std::move(print)), prompts_(prompts) {
   options_.program = kFile;
 }
 
 void Repl::run() {
   std::string pending;
   for (;;) {
-    if (prompts_) out_ << (pending.empty() ? "> " : ". ") << std::flush;
+    if (prompts_) print_(pending.empty() ? "> " : ". ");
+    std::fflush(stdout);
     std::string line;
     if (!std::getline(in_, line)) break;
     if (const std::string command = pending.empty() ? command_of(strip(line)) : ""; !command.empty()) {
@@ -177,94 +219,99 @@ void Repl::run() {
     if (common::stop_flag()) return;
   }
   if (!is_blank(pending)) handle_entry(pending);
-  if (prompts_) out_ << '\n';
+  if (prompts_) print_("\n");
 }
 
 // Returns false for :quit.
 bool Repl::handle_command(const std::string& line) {
-  std::istringstream words(line);
-  std::string word, rest;
-  words >> word >> rest;
-  std::string report;
+  const std::size_t end = std::min(line.find_first_of(" \t"), line.size());
+  const std::string word = line.substr(0, end), rest = strip(line.substr(end));
   if (word == ":quit" || word == ":q") return false;
   if (word == ":help") {
-    out_ << kHelp;
+    print_(kHelp);
   } else if (word == ":names") {
     show_names();
   } else if (word == ":list") {
-    for (const std::string& entry : accepted_) out_ << entry;
+    for (const std::string& entry : accepted_) print_(entry);
   } else if (word == ":clear") {
     accepted_.clear();
     values_.clear();
   } else if (word == ":undo") {
     if (!accepted_.empty()) accepted_.pop_back();
-    if (!replay(report)) out_ << report;
-  } else if (word == ":show" && !rest.empty()) {
-    show_value(rest);
-  } else if (word == ":save" && !rest.empty()) {
-    std::string text;
-    for (const std::string& entry : accepted_) text += entry;
-    try {
-      write_file(rest, text);
-    } catch (const MediaError& error) {
-      out_ << error.what() << '\n';
-    }
+    print_(compile_and_run("").report);
+  } else if (word == ":show" || word == ":save") {
+    if (rest.empty())
+      print_(word + " takes " + (word == ":show" ? "the name of a register" : "a file name") + "\n");
+    else if (word == ":show")
+      show_value(rest);
+    else
+      save(rest);
   } else {
-    out_ << "unknown command '" << line << "'; see :help\n";
+    print_("unknown command '" + line + "'; see :help\n");
   }
   return true;
 }
 
-bool Repl::replay(std::string& report) { return compile_and_run("", report) == Outcome::kSuccess; }
-
-void Repl::handle_entry(const std::string& text) {
-  std::string report, expression_report;
-  const std::string word = strip(text);
-  const auto known = [&](const NamedValue& one) { return one.name == word && one.width > kMaxNumberColumns; };
-  if (std::ranges::any_of(values_, known)) return show_value(word);
-  Outcome outcome = compile_and_run(text, report);
-  if (outcome == Outcome::kSuccess) {
-    accepted_.push_back(text);
-    return;
+void Repl::save(const std::string& file) {
+  std::string text;
+  for (const std::string& entry : accepted_) text += entry;
+  try {
+    write_file(file, text);
+  } catch (const MediaError& error) {
+    print_(std::string(error.what()) + "\n");
   }
-  // An expression is not a statement: retry it as the argument of println().
-  const bool one_line = std::ranges::count(text, '\n') == 1;
-  if (outcome == Outcome::kCompileError && one_line && word.find("//") == std::string::npos) {
-    outcome = compile_and_run("println(" + word + ")\n", expression_report);
-    if (outcome == Outcome::kSuccess) return;
-    if (outcome == Outcome::kRuntimeError) report = expression_report;
-  }
-  out_ << report;
 }
 
-Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report) {
+void Repl::handle_entry(const std::string& text) {
+  const std::string word = without_comment(strip(text));
+  const auto known = [&](const NamedValue& one) { return one.name == word && one.width > kMaxNumberColumns; };
+  if (std::ranges::any_of(values_, known)) return show_value(word);
+  const EntryKind kind = kind_of(text);
+  Result statement;
+  if (kind != EntryKind::kExpression) {
+    statement = compile_and_run(text);
+    if (statement.outcome == Outcome::kSuccess) {
+      accepted_.push_back(text);
+      return;
+    }
+  }
+  // An error that is further on than the other is not about what the entry is taken for.
+  if (kind == EntryKind::kStatement || statement.outcome == Outcome::kRuntimeError)
+    return print_(statement.report);
+  static constexpr std::string_view kShow = "println(";
+  const Result expression = compile_and_run(std::string(kShow) + word + ")\n");
+  const bool is_expression = expression.outcome != Outcome::kCompileError || kind == EntryKind::kExpression ||
+                             statement.column + kShow.size() <= expression.column;
+  print_((is_expression ? expression : statement).report);
+}
+
+Repl::Result Repl::compile_and_run(const std::string& text) {
   std::string source;
   for (const std::string& value : accepted_) source += value;
-  source += "print('" + std::string(kMarker) + "')\n" + text;
-  ReplFileReader reader(source);
+  const auto first_line = static_cast<std::uint32_t>(std::ranges::count(source, '\n') + 1);
+  ReplFileReader reader(source + text);
   const compiler::CompileOptions compiler_options =
       compile_options(options_, options_.width, options_.height);
-  compiler::CompileResult result = compiler::compile(compiler_options, reader);
+  compiler::CompileResult result =
+      compiler::compile(compiler_options, reader, {first_line, std::string(kMarker)});
   if (!result.program) {
-    report = syntax::format_diagnostics(result.diagnostics, result.sources);
-    return Outcome::kCompileError;
+    const syntax::Location& first = result.diagnostics.front().location;
+    const bool is_in_line = first.file == 0 && first.line == first_line;
+    return {Outcome::kCompileError, syntax::format_diagnostics(result.diagnostics, result.sources),
+            is_in_line ? first.column : std::numeric_limits<std::uint32_t>::max()};
   }
   for (const auto& [name, value] : options_.parameters) {
     const auto& all = result.program->parameters;
     if (std::ranges::find(all, name, &program::Parameter::name) == all.end()) continue;  // not yet
     if (const std::string problem = program::parameter_problem(*result.program, name, value);
-        !problem.empty()) {
-      report = "error: --set: " + problem + "\n";
-      return Outcome::kRuntimeError;
-    }
+        !problem.empty())
+      return {Outcome::kRuntimeError, "error: --set: " + problem + "\n"};
   }
-  ReplHost host(options_, out_);
+  ReplHost host(options_, print_);
   if (const std::string error =
           host.load_modules(*result.program, options_.modules, module_search_paths(options_));
-      !error.empty()) {
-    report = error + "\n";
-    return Outcome::kRuntimeError;
-  }
+      !error.empty())
+    return {Outcome::kRuntimeError, error + "\n"};
   vm::VmOptions options;
   options.threads = options_.threads;
   options.isa = options_.isa;
@@ -272,16 +319,13 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   vm::Vm vm(std::move(*result.program), options, host);
   vm::Status status = vm.run();
   while (status == vm::Status::kTick) status = vm.run();
-  if (host.line_open()) out_ << '\n';
+  if (host.line_open()) print_("\n");
   if (status != vm::Status::kEnded) {
-    report = status == vm::Status::kInterrupted ? "interrupted\n" : vm.error() + "\n";
     if (common::stop_signal() == SIGINT) common::clear_stop_signal();
-    return Outcome::kRuntimeError;
+    return {Outcome::kRuntimeError, status == vm::Status::kInterrupted ? "interrupted\n" : vm.error() + "\n"};
   }
-  if (!host.marker_reached()) {
-    report = "the program ends before this line; :undo removes the last entry\n";
-    return Outcome::kRuntimeError;
-  }
+  if (!host.marker_reached())
+    return {Outcome::kRuntimeError, "the program ends before this line; :undo removes the last entry\n"};
   values_.clear();
   const program::Program& program = vm.program();
   for (std::size_t i = 0; i < program.registers.size(); ++i) {
@@ -296,37 +340,34 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
     if (!program::is_temporary(program.variables[i].name))
       values_.push_back({program.variables[i].name, 0, 0, {static_cast<float>(vm.variable(i))}});
   }
-  return Outcome::kSuccess;
+  return {};
 }
 
 void Repl::show_names() {
-  for (const NamedValue& value : values_) {
-    out_ << value.name;
-    if (value.width == 0) {
-      out_ << " = " << vm::format_number(value.cells.front()) << '\n';
-    } else {
-      out_ << ' ' << value.width << 'x' << value.height << '\n';
-    }
-  }
+  for (const NamedValue& value : values_)
+    print_(value.name +
+           (value.width == 0 ? " = " + vm::format_number(value.cells.front())
+                             : " " + std::to_string(value.width) + "x" + std::to_string(value.height)) +
+           "\n");
 }
 
 void Repl::show_value(const std::string& name) {
   const auto found = std::ranges::find(values_, name, &NamedValue::name);
-  if (found == values_.end()) {
-    out_ << "there is no '" << name << "'; :names lists all names\n";
-  } else if (found->width == 0) {
-    out_ << vm::format_number(found->cells.front()) << '\n';
-  } else {
-    out_ << format_register_ascii(found->cells, found->width, found->height, kMaxPictureColumns);
-  }
+  if (found == values_.end())
+    print_("there is no '" + name + "'; :names lists all names\n");
+  else if (found->width == 0)
+    print_(vm::format_number(found->cells.front()) + "\n");
+  else
+    print_(format_register_ascii(found->cells, found->width, found->height, kMaxPictureColumns));
 }
 
 int run_repl(const Options& options) {
   common::catch_stop_signals();
   const bool prompts = isatty(STDIN_FILENO) != 0;
   if (prompts)
-    std::cout << "apron repl: " << options.width << "x" << options.height << " cells, help for help\n";
-  Repl(options, std::cin, std::cout, prompts).run();
+    common::print_output("apron repl: " + std::to_string(options.width) + "x" +
+                         std::to_string(options.height) + " cells, help for help\n");
+  Repl(options, std::cin, common::print_output, prompts).run();
   return common::kDone;
 }
 

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <iosfwd>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apron/run/host/LocalHost.h"
@@ -11,31 +13,38 @@
 
 namespace apron::run {
 
+using Print = std::function<void(std::string_view)>;
+
 // Each entry (a line or a complete block) is compiled and run together with all accepted entries. The
 // accepted entries are replayed without output and without writing files, which restores the program's state.
 // An entry that fails is discarded. An expression shows its value.
 class Repl {
  public:
-  // options are copied; in and out must outlive this. prompts: whether to print prompts.
-  Repl(const Options& options, std::istream& in, std::ostream& out, bool prompts);
+  // options are copied; in must outlive this. prompts: whether to print prompts.
+  Repl(const Options& options, std::istream& in, Print print, bool prompts);
 
   // Reads entries until the end of the input, :quit or a stop signal.
   void run();
 
  private:
   enum class Outcome { kSuccess, kCompileError, kRuntimeError };
+  struct Result {
+    Outcome outcome = Outcome::kSuccess;
+    std::string report = {};   // of errors
+    std::uint32_t column = 0;  // of the first error of compilation, if it is in the text's own line
+  };
 
   bool handle_command(const std::string& line);
   void handle_entry(const std::string& text);
-  // Runs the accepted entries followed by `text`. Errors go to `report`.
-  Outcome compile_and_run(const std::string& text, std::string& report);
+  // Runs the accepted entries followed by `text`.
+  Result compile_and_run(const std::string& text);
   void show_names();
   void show_value(const std::string& name);
-  bool replay(std::string& report);
+  void save(const std::string& file);
 
   Options options_;
   std::istream& in_;
-  std::ostream& out_;
+  Print print_;
   bool prompts_;
   std::vector<std::string> accepted_;  // entries, each with its final line end
   struct NamedValue {

@@ -104,6 +104,7 @@ std::optional<CppValue> KernelTranslation::plain_expression(const KernelTokenLis
   const CppValue value = expression(tokens, lines, 0);
   if (lines.empty() && !value.is_call && is_plain(value.text)) return value;
   names_ = names;
+  suffixes_.clear();
   instructions_ = instructions;
   return std::nullopt;
 }
@@ -139,6 +140,7 @@ ProgramLines KernelTranslation::separate(const Parse& parse) {
 CppValue KernelTranslation::parse_assignment(Cursor& cursor) {
   const bool is_target = cursor.peek().kind == Kind::kName && is_assignment(cursor.peek(1));
   if (!is_target) return parse_conditional(cursor);
+  const Nesting nesting(depth_, "the expression");
   const std::string name = cursor.peek().text, op = cursor.peek(1).text;
   cursor.i += 2;
   CppValue value = parse_assignment(cursor);

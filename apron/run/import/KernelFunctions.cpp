@@ -172,7 +172,9 @@ void KernelSourceReader::collect_functions() {
         vocabulary_.statements.contains(function->name) || vocabulary_.values.contains(function->name);
     if (exists) function->signature.name = function->name + "_";
     i = (function->is_kernel ? function->end : function->end) - 1;
-    all_functions_.push_back(std::move(*function));
+    has_references_ =
+        has_references_ || std::ranges::any_of(function->signature.parameters, &Parameter::is_reference);
+    all_functions_[function->name].push_back(std::move(*function));
   }
   for (bool found = true; found;) {  // until the functions that call functions are found, too
     found = false;
@@ -189,20 +191,28 @@ void KernelSourceReader::collect_functions() {
       functions_.emplace(macro->name, std::move(signature));
       found = true;
     }
-    for (Function& function : all_functions_) {
-      if (function.has_instruction || function.name == "main") continue;
-      if (!function.is_kernel && !has_instruction(tokens_, function.body, function.end)) continue;
-      function.has_instruction = true;
-      collect(function);
-      found = true;
-    }
+    for (auto& [name, functions] : all_functions_)
+      for (Function& function : functions) {
+        if (function.has_instruction || name == "main") continue;
+        if (!function.is_kernel && !has_instruction(tokens_, function.body, function.end)) continue;
+        function.has_instruction = true;
+        collect(function);
+        found = true;
+      }
   }
 }
 
+std::span<const KernelSourceReader::Function> KernelSourceReader::functions_of(
+    const std::string& name) const {
+  const auto found = all_functions_.find(name);
+  if (found == all_functions_.end()) return {};
+  return found->second;
+}
+
 bool KernelSourceReader::require_function(const std::string& name, std::size_t count) {
-  if (is_in_definition_) return false;
-  for (Function& function : all_functions_) {
-    if (function.name != name || !function.signature.accepts(count) || function.has_instruction) continue;
+  if (is_in_definition_ || functions_of(name).empty()) return false;
+  for (Function& function : all_functions_[name]) {
+    if (!function.signature.accepts(count) || function.has_instruction) continue;
     if (function.is_translated) return false;
     collect(function);
     const std::size_t notes = notes_.size();
@@ -280,10 +290,10 @@ void KernelSourceReader::translate_function(Function& function) {
   }
   has_main_ = has_main_ || is_main;
   const auto same = [&](const Function& other) {
-    return &other != &function && other.is_translated && other.name == function.name &&
+    return &other != &function && other.is_translated &&
            other.signature.parameters.size() == function.signature.parameters.size();
   };
-  if (!is_main && std::ranges::any_of(all_functions_, same)) {
+  if (!is_main && std::ranges::any_of(functions_of(function.name), same)) {
     position_ = function.body;
     note(line,
          fmt::format("another function '{}' has as many parameters: only their types tell them apart",
@@ -336,13 +346,14 @@ void KernelSourceReader::translate_function(Function& function) {
 }
 
 void KernelSourceReader::forget_translated_functions() {
-  for (const Function& function : all_functions_) {
-    if (!function.is_translated) continue;
-    const std::size_t line = tokens_[function.body].line;
-    std::erase_if(notes_, [&](const ImportNote& note) {
-      return note.line == line && note.text == no_instruction(function.name);
-    });
-  }
+  for (const auto& [name, functions] : all_functions_)
+    for (const Function& function : functions) {
+      if (!function.is_translated) continue;
+      const std::size_t line = tokens_[function.body].line;
+      std::erase_if(notes_, [&](const ImportNote& note) {
+        return note.line == line && note.text == no_instruction(name);
+      });
+    }
 }
 
 }  // namespace apron::run

@@ -65,15 +65,11 @@ bool KernelSourceReader::may_change(const std::string& name, std::size_t first, 
       // An argument that a function may take by reference.
       const bool is_argument =
           i > 0 && (tokens_[i - 1].is("(") || tokens_[i - 1].is(",")) && (next.is(")") || next.is(","));
-      if (is_argument && std::ranges::any_of(all_functions_, [](const Function& function) {
-            return std::ranges::any_of(function.signature.parameters,
-                                       [](const Parameter& p) { return p.is_reference; });
-          }))
-        return true;
+      if (is_argument && has_references_) return true;
     }
     if (tokens_[i].kind != Kind::kName || !tokens_[i + 1].is("(")) continue;
-    for (const Function& function : all_functions_) {
-      if (function.name != tokens_[i].text || !visited.insert(function.body).second) continue;
+    for (const Function& function : functions_of(tokens_[i].text)) {
+      if (!visited.insert(function.body).second) continue;
       if (function.body <= first && first < function.end) continue;
       if (may_change(name, function.body, function.end, visited)) return true;
     }
@@ -124,8 +120,8 @@ bool KernelSourceReader::takes_frame(std::size_t word, std::set<std::size_t>& vi
   if (name.starts_with("vs_") || name.find("get_image") != std::string::npos || name == "getpix" ||
       name == "rpix" || name == "respix")
     return true;
-  return tokens_[word + 1].is("(") && std::ranges::any_of(all_functions_, [&](const Function& function) {
-           if (function.name != name || !visited.insert(function.body).second) return false;
+  return tokens_[word + 1].is("(") && std::ranges::any_of(functions_of(name), [&](const Function& function) {
+           if (!visited.insert(function.body).second) return false;
            for (std::size_t i = function.body; i < function.end && i + 1 < tokens_.size(); ++i)
              if (tokens_[i].kind == Kind::kName && takes_frame(i, visited)) return true;
            return false;

@@ -134,12 +134,14 @@ KernelTokenList KernelPreprocessor::run(std::string_view text) {
   files_ = {""};
   macros_["__cplusplus"].body = {{Kind::kNumber, "202002"}};
   read(text, 0, "");
+  if (is_too_deep_ || refuse_depth(out_)) out_.clear();
   out_.push_back({Kind::kEnd, "", out_.empty() ? 1 : out_.back().line, 0});
   return std::move(out_);
 }
 
 void KernelPreprocessor::read(std::string_view text, std::size_t file, const std::string& folder) {
   const KernelTokenList tokens = scan_kernel_source(text, 1, file);
+  if (refuse_depth(tokens)) return;
   for (std::size_t i = 0; tokens[i].kind != Kind::kEnd;) {
     if (tokens[i].kind == Kind::kDirective) {
       directive(tokens[i++], folder);
@@ -218,6 +220,14 @@ void KernelPreprocessor::refuse(const KernelToken& at, std::string reason) {
   if (std::ranges::find(notes_, reason, &ImportNote::text) == notes_.end())
     notes_.push_back(
         {.line = at.line, .text = std::move(reason), .severity = Severity::kError, .file = files_[at.file]});
+}
+
+bool KernelPreprocessor::refuse_depth(const KernelTokenList& tokens) {
+  const KernelToken* const deep = find_too_deep(tokens);
+  if (deep == nullptr) return false;
+  refuse(*deep, fmt::format("brackets are nested more than {} deep", kMaxBrackets));
+  is_too_deep_ = true;
+  return true;
 }
 
 bool KernelPreprocessor::condition(const KernelToken& token, std::string_view expression) {

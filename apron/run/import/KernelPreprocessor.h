@@ -20,8 +20,9 @@ class KernelPreprocessor {
   KernelPreprocessor(const KernelVocabulary& vocabulary, const ImportOptions& options)
       : vocabulary_(vocabulary), options_(options) {}
 
-  // Tokens without directives, macros expanded. Two kinds of macros stay and have a directive where they are
-  // defined, because they read better as defines and macros of APRON and mean the same there: names of
+  // Tokens without directives, macros expanded; none of a text whose brackets are nested too deeply, which
+  // the readers take apart once for each of them. Two kinds of macros stay and have a directive where they
+  // are defined, because they read better as defines and macros of APRON and mean the same there: names of
   // numbers, and statements whose parameters are operands of calls.
   KernelTokenList run(std::string_view text);
 
@@ -42,6 +43,7 @@ class KernelPreprocessor {
   void include(const KernelToken& token, const std::string& folder);
   void define(const KernelToken& token);
   void refuse(const KernelToken& at, std::string reason);
+  bool refuse_depth(const KernelTokenList& tokens);
   KernelTokenList without_names(const KernelTokenList& in) const;
   bool makes_words(const Macro& macro) const;
   bool condition(const KernelToken& token, std::string_view expression);
@@ -66,6 +68,7 @@ class KernelPreprocessor {
   };
   std::vector<Branch> branches_;
   KernelTokenList out_;
+  bool is_too_deep_ = false;
 };
 
 // The arguments between two positions, which commas outside brackets separate. Leaves comments out.

@@ -79,9 +79,11 @@ void KernelSourceReader::translate_file() {
     } else {
       auto kernel = kernel_object_at(position_);
       if (!kernel) kernel = function_at(position_);
+      std::vector<Function> none;
+      std::vector<Function>& named = kernel ? all_functions_[kernel->name] : none;
       const auto known = std::ranges::find_if(
-          all_functions_, [&](const Function& function) { return kernel && function.body == kernel->body; });
-      if (known != all_functions_.end()) {
+          named, [&](const Function& function) { return function.body == kernel->body; });
+      if (known != named.end()) {
         translate_function(*known);
         if (known->is_kernel) consume(";");
       } else {

@@ -4,8 +4,10 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -51,6 +53,8 @@ class KernelSourceReader final : KernelTranslation {
     std::string break_label;     // of a `switch`
   };
 
+  // All of that name, in the order of the text.
+  std::span<const Function> functions_of(const std::string& name) const;
   // Continues after the next ';' outside brackets, or at a '}' that closes the surrounding block.
   void skip_statement();
   std::optional<Function> function_at(std::size_t first) const;
@@ -123,7 +127,8 @@ class KernelSourceReader final : KernelTranslation {
   // Returns the loop as it was left.
   Loop loop_body(ProgramLines& out, int depth, std::string continue_label, bool is_endless = false);
 
-  std::vector<Function> all_functions_;
+  std::map<std::string, std::vector<Function>> all_functions_;  // by their names
+  bool has_references_ = false;                                 // among their parameters
   std::vector<Loop> loops_;
   // Tokens [first, second) of the last loop examined that contains no `break` and no `return`.
   mutable std::pair<std::size_t, std::size_t> staying_;

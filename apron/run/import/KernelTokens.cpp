@@ -242,6 +242,15 @@ std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t f
   return Scanner(text, first_line, file).scan();
 }
 
+const KernelToken* find_too_deep(const std::vector<KernelToken>& tokens) {
+  std::size_t depth = 0;
+  for (const KernelToken& token : tokens) {
+    if (token.opens_bracket() && depth++ == kMaxBrackets) return &token;
+    if (token.closes_bracket() && depth > 0) --depth;
+  }
+  return nullptr;
+}
+
 BinaryOperator binary_operator(const KernelToken& token) {
   static const std::array<std::set<std::string_view>, 10> kPrecedences = {{{"||"},
                                                                            {"&&"},

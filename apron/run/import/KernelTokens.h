@@ -51,6 +51,10 @@ struct KernelToken {
 std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1,
                                             std::size_t file = 0);
 
+// The first bracket that stands in more than kMaxBrackets others, or null.
+inline constexpr std::size_t kMaxBrackets = 200;
+const KernelToken* find_too_deep(const std::vector<KernelToken>& tokens);
+
 struct BinaryOperator {
   std::string symbol;   // of `and` and `or`: && and ||
   int precedence = -1;  // 0 (||) to 9 (* / %); −1: not a binary operator

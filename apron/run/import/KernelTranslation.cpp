@@ -157,7 +157,11 @@ std::string KernelTranslation::new_name(const std::string& stem) {
                         vocabulary_.values.contains(stem) || reserved_words().contains(stem) ||
                         functions_.contains(stem) || stem == "value" || stem == "unused" || stem == "kept";
   std::string name = stem;
-  for (int k = 1; (k == 1 && is_taken) || names_.contains(name); ++k) name = fmt::format("{}_{}", stem, k);
+  if (is_taken || names_.contains(name)) {
+    int& suffix = suffixes_[stem];
+    do name = fmt::format("{}_{}", stem, ++suffix);
+    while (names_.contains(name));
+  }
   names_.insert(name);
   return (in_macro_ ? ":" : "") + name;
 }
@@ -170,11 +174,14 @@ KernelTranslation::Variable& KernelTranslation::declare(const std::string& name,
   variable.node = flow_.add();
   if (is_scalar(type)) {
     // Names of variables whose scope has ended are used again.
-    bool is_live = false;
-    for (const Scope& scope : scopes_)
-      for (const auto& [other, known] : scope)
-        is_live = is_live || known.text == name || known.text == ":" + name || known.text == "$" + name;
-    if (!is_live) names_.erase(name);
+    bool stays = !names_.contains(name);
+    for (std::size_t i = 0; i < scopes_.size() && !stays; ++i)
+      for (const auto& [other, known] : scopes_[i])
+        stays = stays || known.text == name || known.text == ":" + name || known.text == "$" + name;
+    if (!stays) {
+      names_.erase(name);
+      suffixes_.clear();
+    }
     variable.text = new_name(name);
   }
   return scopes_.back()[name] = variable;

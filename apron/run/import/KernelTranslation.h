@@ -212,6 +212,7 @@ class KernelTranslation {
                             std::size_t line);
 
   std::set<std::string> unset_, names_;
+  std::map<std::string, int> suffixes_;         // those up to it are taken, of names that begin so
   std::map<std::string, std::string> handles_;  // of sliders and switches: the texts that read them
   ProgramLines controls_, unset_lines_;
   ProgramLines* prelude_ = nullptr;

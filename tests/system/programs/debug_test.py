@@ -160,6 +160,54 @@ class Debug(ProgramTest):
         self.assertIn("  in a routine, 1 calls deep", out)
         self.assertEqual(self.lines(out)[-2:], [19, 14])
 
+    def test_next_is_the_next_line_of_what_runs(self):
+        # Random functions and macros that use each other: after each number of steps, `next` stops where the lines that `step` visits, each
+        # counted to the line in the running function, or in one around it, that leads to it, first are another line.
+        draw = random.Random(3)
+        for _ in range(4):
+            text = "!register(A)\nn = 0\n"
+            for level in range(3):
+                for kind in "fm":
+                    sigil, local = ("", "") if kind == "f" else ("$", ":")
+                    text += (f"function y = f{level}(plane p)\n" if kind == "f" else f"!macro_def\n$y = m{level}($p)\n!macro_begin\n")
+                    text += f"{local}t = {sigil}p + 1\n"
+                    for _ in range(3):
+                        text += draw.choice([f"{local}t = {local}t * 2\n"] + [f"{local}t = {draw.choice('fm')}{level - 1}({local}t)\n"] * 2
+                                            if level else [f"{local}t = {local}t + {sigil}p\n"])
+                    text += f"{sigil}y = {local}t\n" + ("endfunction\n" if kind == "f" else "!macro_end\n")
+            text += "".join(draw.choice(["A = f2(A)\n", "A = m2(A)\n", "A = A + m1(A)\n", "for(i, 1, 2)\nA = f1(A)\nendfor\n"]) for _ in range(3))
+            self.write(text)
+            trace = []  # the line of each step, and those that lead to it, from the outside
+            for line in self.debug("where", *["step", "where"] * 400, status=2)[1:]:
+                if line.startswith("p.aps:"):
+                    trace.append((int(line.split(":")[1]), []))
+                elif line.startswith("  in "):
+                    trace[-1][1].insert(0, int(line.split(":")[1]))
+            trace = trace[::2]
+            self.assertLess(len(trace), 390)
+
+            def counted_to(at, running):
+                line, callers = at
+                shared = 0
+                while shared < len(callers) and callers[:shared + 1] == running[:shared + 1]:
+                    shared += 1
+                return (line if shared == len(callers) else callers[shared]), callers[:shared]
+
+            starts = draw.sample(range(len(trace)), 40)
+            expected = []
+            for position in starts:
+                at = trace[position]
+                for _ in range(3):
+                    running = at[1]
+                    position = next((i for i in range(position, len(trace)) if counted_to(trace[i], running) != at), None)
+                    if position is None:
+                        break
+                    at = counted_to(trace[position], running)
+                    expected.append(at[0])
+            out = self.debug(*[command for start in starts for command in ("restart", *["step"] * start, *["next", "p n"] * 3)], "restart now", status=2)
+            stops = [line for line, after in zip(out, out[1:]) if after == "n = 0"]
+            self.assertEqual([int(line.split(":")[1]) for line in stops if line.startswith("p.aps:")], expected, text)
+
     def test_steps_of_instructions_report_the_breakpoints_that_they_reach(self):
         for breakpoint, stops in (("b 11", [11, 11]), ("break if n == 2", [11]), ("break change n", [11, 11]), ("break tick 1", [15])):
             out = self.debug(breakpoint, *["stepi"] * 20, "p n")

@@ -75,6 +75,15 @@ class Terminal(Hostile):
         self.finish(child)
         return shown
 
+    def test_the_repl_shows_no_control_characters(self):
+        mark = "".join(CONTROL_CODES[3:])
+        self.write("shown.aps", f"println('{mark}')\nA = '{mark}' + 1\n")
+        typed = self.write("typed", f"!include('shown.aps')\nprintln('{mark}')\n")
+        shown = self.on_terminal("/bin/sh", "-c", f"{APRON} repl <{typed}").decode()
+        self.assertIn("?" * len(mark), shown)
+        for code in CONTROL_CODES:
+            self.assertNotIn(code, shown)
+
     def test_messages_hold_no_control_characters(self):
         self.write("a.csv", "1,\x1b]0;title\x07\n")
         self.write("layout.csv", "x,y,z\n1,\x1b[31m,0\n")

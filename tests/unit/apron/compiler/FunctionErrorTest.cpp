@@ -64,7 +64,7 @@ TEST(FunctionErrors, FunctionsThatCallThemselves) {
   const std::string told = ": the function 'g' calls itself; functions cannot, unless an !if ends it";
   const std::string nested =
       error("function y = g(n)\ny = 1\nif(n > 1)\ny = n * g(n - 1)\nendif\nendfunction\nx = g(5)");
-  EXPECT_NE(nested.find(" deep" + told), std::string::npos) << nested;
+  EXPECT_NE(nested.find(" deep here" + told), std::string::npos) << nested;
   EXPECT_EQ(error("function g(n)\ng(n)\nendfunction\ng(5)"),
             "main.aps:22:1: error: macros are expanded more than 64 deep here" + told);
   EXPECT_EQ(error("function y = g(integer n)\n!if(n, <=, 1)\ny = 1\n!else\ny = n * g(n - "

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
 #include <random>
 #include <sstream>
@@ -59,21 +60,47 @@ int main(){
 }
 )";
 
+std::string repeated(const std::string& text, int count) {
+  std::string all;
+  for (int i = 0; i < count; ++i) all += text;
+  return all;
+}
+
 // The program of a kernel file of unknown origin: no nesting is too deep for the stack, no macro takes all
 // memory. (import_test.py has macros that double sixty times, which take a sanitizer twelve seconds.)
 TEST(KernelImport, DeepTextIsLeftOut) {
-  const auto repeated = [](const std::string& text, int count) {
-    std::string all;
-    for (int i = 0; i < count; ++i) all += text;
-    return all;
-  };
   for (const char* statement : {"{", "if(1)", "while(1)", "if(1);else ", "for(;;){", "do{"})
     EXPECT_NO_THROW(import_text("int main(){" + repeated(statement, 2000) + "mov(A,B);")) << statement;
   for (const char* expression : {"(", "1?", "1?2:", "!", "f(", "1+(2*"})
     for (const char* before : {"int main(){ scamp5_in(A,", "const int x = ", "\n#if "})
       EXPECT_NO_THROW(import_text(before + repeated(expression, 5000) + "1);}\n")) << before << expression;
+  EXPECT_NO_THROW(import_text("int main(){ int a; " + repeated("a = ", 40000) + "1; }"));
   const std::string calls = repeated("F(", 60) + "mov(A,B);" + repeated(")", 60);
   EXPECT_NO_THROW(import_text("#define F(x) x x\nint main(){ " + calls + "}\n"));
+}
+
+TEST(KernelImport, BracketsInMoreThanTwoHundredOthersAreRefusedInOneLine) {
+  std::mt19937 random(7);
+  for (int round = 0; round < 60; ++round) {
+    const int depth = round == 0 ? 20000 : static_cast<int>(random() % 100) + 150, lines = 1 + random() % 5;
+    std::string open, close;
+    for (int i = 0; i < depth; ++i) {
+      const std::size_t kind = round % 2 == 0 ? 0 : random() % 3;
+      open += std::array{"(", "f(", "g["}[kind];
+      close.insert(0, std::array{")", ")", "]"}[kind]);
+    }
+    const std::string value = open + "1" + close;
+    // With the brackets of main and of scamp5_in.
+    const bool is_too_deep = depth + 2 > 200;
+    const std::string refusal = std::to_string(lines + 1) + " host: brackets are nested more than 200 deep\n";
+    const std::string text = "#define M(x) scamp5_in(A, x)\n" + repeated("\n", lines - 1) + "int main(){ ";
+    for (const std::string& written :
+         {text + "scamp5_in(A, " + value + "); }", text + "M(" + value + "); }"}) {
+      const std::string found = notes(import_text(written));
+      EXPECT_EQ(found == refusal, is_too_deep) << depth << found;
+      EXPECT_EQ(found.find("200 deep") != std::string::npos, is_too_deep);
+    }
+  }
 }
 
 TEST(KernelImport, TranslatesKernelsOfTheTutorials) {

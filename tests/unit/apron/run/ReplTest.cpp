@@ -5,7 +5,12 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <random>
 #include <sstream>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 namespace apron::run {
 namespace {
@@ -15,9 +20,11 @@ std::string run_repl_session(const std::string& typed, std::uint32_t width = 3, 
   options.width = width;
   options.height = height;
   std::istringstream in(typed);
-  std::ostringstream out;
-  Repl(options, in, out, false).run();
-  return out.str();
+  std::string out;
+  Repl(
+      options, in, [&](std::string_view text) { out += text; }, false)
+      .run();
+  return out;
 }
 
 TEST(Repl, RunsLinesAndShowsValues) {
@@ -49,6 +56,63 @@ TEST(Repl, DiscardsFailedEntries) {
   EXPECT_NE(out.find("error: 'B' is not a register"), std::string::npos) << out;
   EXPECT_NE(out.find("pixel.get at column 9, row 9 is outside"), std::string::npos) << out;
   EXPECT_NE(out.find("\n1\n!register(A)\nA = 1\n"), std::string::npos) << out;
+}
+
+std::string draw_expression(std::mt19937& random, int depth) {
+  static const std::vector<std::string> kOperands = {
+      "A", "P", "n", "2", "2.5", "foo", "max(A)", "min(A, 3)", "sift.north(A)", "math.sqrt(bar)", "'a//b'"};
+  static const std::vector<std::string> kOperators = {"+", "-", "*", "/", "==", "<", "and", "|"};
+  const auto pick = [&](const std::vector<std::string>& list) { return list[random() % list.size()]; };
+  const auto inner = [&] { return depth == 0 ? pick(kOperands) : draw_expression(random, depth - 1); };
+  switch (random() % 5) {
+    case 0:
+      return pick({"-", "not ", "~"}) + inner();
+    case 1:
+      return "(" + inner() + ")";
+    case 2:
+      return pick({"abs", "globalsum", "sqrt"}) + "(" + inner() + ")";
+    default:
+      return inner() + " " + pick(kOperators) + " " + inner();
+  }
+}
+
+TEST(Repl, SaysOfAnExpressionWhatItsPrintlnDoes) {
+  std::mt19937 random(11);
+  const std::string declared = "!register(A)\n!uint8(P)\nn = 3\n";
+  for (int round = 0; round < 300; ++round) {
+    const std::string expression = draw_expression(random, static_cast<int>(random() % 3));
+    EXPECT_EQ(run_repl_session(declared + expression + (random() % 2 == 0 ? "  // it's shown\n" : "\n")),
+              run_repl_session(declared + "println(" + expression + ")\n"))
+        << expression;
+  }
+}
+
+TEST(Repl, TakesACallForWhatItsErrorsAreNotAbout) {
+  const std::string functions =
+      "!register(A)\nfunction y = f(plane p)\ny = p\nendfunction\n!macro_def\nm($a)\n!macro_begin\n$a = "
+      "1\n!macro_end\n";
+  for (const auto& [entry, error] : {std::pair{"f(foo)", "'foo' is not"},
+                                     {"m(A + foo)", "'foo' is not"},
+                                     {"foo", "'foo' is not"},
+                                     {"shift(A, 1, foo)", "'foo' is not"},
+                                     {"println(foo)", "'foo' is not"},
+                                     {"if(foo", "is not closed"},
+                                     {"surface.step(3)", "takes 0 arguments"},
+                                     {"A = foo", "'foo' is not"},
+                                     {"A == ", "expected a value"}})
+    EXPECT_NE(run_repl_session(functions + entry + "\n").find(error), std::string::npos) << entry;
+}
+
+TEST(Repl, NumbersTheLinesOfTheProgram) {
+  std::mt19937 random(5);
+  std::string typed = "!register(A)\n";
+  for (int line = 2; line < 60; ++line) {
+    typed += random() % 2 == 0 ? "A = " + std::to_string(line) + "\n" : "if(1)\n\nendif\n";
+    line += typed.ends_with("endif\n") ? 2 : 0;
+    const std::string next = "line:" + std::to_string(line + 1);
+    for (const std::string entry : {"A = foo", "foo + 1", "A = pixel.get(A, 9, 9)", "pixel.get(A, 9, 9)"})
+      EXPECT_TRUE(run_repl_session(typed + entry + "\n").starts_with(next + ":")) << typed << entry;
+  }
 }
 
 TEST(Repl, RefusesValuesOutsideOfASlider) {
@@ -97,6 +161,10 @@ TEST(Repl, SavesFilesOnce) {
   EXPECT_TRUE(std::filesystem::remove(name + ".aps"));
   run_repl_session("!register(A)\nio.array.save(A, '" + name + ".csv')\n");
   std::filesystem::remove(name + ".csv");
+  EXPECT_EQ(run_repl_session("n = 1\n:save  " + name + " my prog.aps \n"), "");
+  EXPECT_TRUE(std::filesystem::remove(name + " my prog.aps"));
+  EXPECT_EQ(run_repl_session(":save\n:show \n"),
+            ":save takes a file name\n:show takes the name of a register\n");
 }
 
 TEST(Repl, ShrinksPicturesToTerminal) {

@@ -91,7 +91,7 @@ TEST(Parser, MacrosInStatementsAndExpressions) {
       "!macro_def\nset($a, $b)\n!macro_begin\n:t = $b\n$a = :t\n#keep\n!macro_end\n";
   EXPECT_EQ(parse(macros + "z = sq(b)"), "enter; z = (* b b); leave");
   EXPECT_EQ(parse(macros + "z = sq(b + 1)"), "enter $a:1=(+ b 1); z = (* $a:1 $a:1); leave");
-  EXPECT_EQ(parse(macros + "z = sq(-2)"), "enter; z = (* (- 2) (- 2)); leave");
+  EXPECT_EQ(parse(macros + "z = sq(-2)"), "enter; z = (* -2 -2); leave");
   EXPECT_EQ(parse(macros + "z = sq(r[b]) + 1"), "z = (+ {$y:1 = (* r[b] r[b]); leave} 1)");
   EXPECT_EQ(parse(macros + "set(z, w)"), "enter; t:1 = w; z = t:1; #keep; leave");
 }
