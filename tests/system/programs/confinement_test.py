@@ -112,6 +112,7 @@ class Confinement(ProgramTest):
         "help": ((SMARTSURF, "run", "s.lua", "--help"), {}),
         "info": ((SMARTSURF, "info", "r.h5"), {}),
         "plot": ((SMARTSURF, "plot", "r.h5", "-o", "r.svg"), {}),
+        "chart": ((SMARTSURF, "plot", "c.json", "-o", "c.svg"), {"ATTACK_CHART": "1"}),
         "export": ((SMARTSURF, "export", "r.h5", "-o", "r.html"), {}),
         "verify": ((SMARTSURF, "replay", "--verify", "r.h5"), {}),
         "mesh": ((SMARTSURF, "check", "m.lua"), {"ATTACK_MESH": "1"}),
@@ -121,6 +122,7 @@ class Confinement(ProgramTest):
     PICTURES = {"executable_memory", "memory_file"}
 
     def commands(self):
+        (self.home / "c.json").write_text('{"layers": [{"mark": "line", "x": [0, 1], "y": [0, 1]}]}')
         (self.home / "m.stl").write_text(TETRAHEDRON)
         (self.home / "m.lua").write_text(TABLE + "mesh { file = 'm.stl', position = {2, 2, 3} }\n")
         for name, (command, environment) in self.COMMANDS.items():
@@ -156,12 +158,15 @@ class Confinement(ProgramTest):
                 self.assertNotEqual((self.home / "target/kept").exists(), True)
 
     def test_another_program_ends_the_process(self):
-        for name in ("run", "info", "check"):
-            command, environment = self.COMMANDS[name]
+        for name, command, environment in self.commands():
+            if name not in ("run", "info", "check", "chart"):
+                continue
             for attack in ("execute", "trace_itself"):
                 status, outcomes, text = self.attack(command, ATTACK=attack, **environment)
                 self.assertNotEqual(status, 0, text)
                 self.assertEqual(outcomes, {}, text)
+                if name in ("info", "chart"):
+                    self.assertEqual((status, text), (2, f"smartsurf: {command[2]}: cannot be read: its reader has crashed (Bad system call)\n"))
         # Nothing is left behind by a run that ended so.
         self.assertEqual([p.name for p in self.home.iterdir() if "part" in p.name or p.name.endswith(".files")], [])
 
@@ -187,7 +192,7 @@ class Confinement(ProgramTest):
         self.assertEqual(status, 2, err)
         self.assertIn("SMARTSURF_CONFINE", err)
 
-    READERS = ("info", "plot", "verify", "mesh")
+    READERS = ("info", "plot", "chart", "verify", "mesh")
 
     def in_container(self, container, commands, confine):
         """(status, stderr) of each of the commands."""
@@ -199,7 +204,7 @@ class Confinement(ProgramTest):
     @needs_call_numbers
     def test_what_cannot_be_limited_is_not_read(self):
         limits = refusing("setrlimit", "prlimit64")
-        names = {path.name for path in self.home.iterdir()} | {"m.stl", "m.lua"}
+        names = {path.name for path in self.home.iterdir()} | {"c.json", "m.stl", "m.lua"}
         for container, reason in ((limits, "the system refuses to set them: Operation not permitted\n"),
                                   (without_proc, "/proc/self/statm, which tells the memory in use, cannot be read: Permission denied\n")):
             for confine in ("", "require"):
