@@ -8,7 +8,7 @@ import math
 import os
 import pathlib
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Union
 
 PathName = Union[str, "os.PathLike[str]"]
@@ -123,7 +123,12 @@ def _finite(text: str) -> float:
 
 def _whole(text: str) -> int | float:
     value = _finite(text)
-    return int(text) if abs(value) < 2**64 else value
+    number = int(text)
+    return number if abs(number) < 2**64 else value
+
+
+def _inner(value: Any) -> Iterable[Any]:
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
 def read_json(path: pathlib.Path) -> dict[str, Any]:
@@ -135,7 +140,7 @@ def read_json(path: pathlib.Path) -> dict[str, Any]:
         json.dumps(stored, ensure_ascii=False).encode()
         level = [stored]
         for _ in range(MAX_RESULT_LEVELS):
-            level = [inner for value in level if isinstance(value, (dict, list)) for inner in (value.values() if isinstance(value, dict) else value)]
+            level = [inner for value in level for inner in _inner(value)]
         if level:
             raise RecursionError
     except RecursionError:

@@ -166,7 +166,7 @@ class SweepStatistics(unittest.TestCase):
             kind = source.randrange(9 if levels else 6)
             if kind < 6:
                 return source.choice(("1", "-2.5", "1" + "0" * 400, "1" + "0" * 5000, "1e999", "-1e308", "1e308", "NaN", "-Infinity", "null", "true",
-                                      '"text"', '"\\ud800"', '"\\n,"', str(2**64), str(-2**63)))
+                                      '"text"', '"\\ud800"', '"\\n,"', str(2**64), str(2**64 - 1), str(-2**63)))
             inner = [value(levels - 1) for _ in range(source.randint(0, 3))]
             return f"[{','.join(inner)}]" if kind == 6 else "{" + ",".join(f"{self.name(source)}:{one}" for one in inner) + "}"
 
@@ -184,6 +184,7 @@ class SweepStatistics(unittest.TestCase):
                     refused += 1
                     self.assertTrue(str(error).startswith(f"{point.folder}/stats.json: is damaged: ") and "\n" not in str(error), error)
                 else:
+                    self.assertEqual(point.read("stats.json"), json.loads(text))
                     self.assertNotRegex(json.dumps(json.loads(text)), "^[^{]|NaN|Infinity|0{400}|ud80")
             self.assertTrue(100 < refused < 400, refused)
 
