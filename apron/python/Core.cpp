@@ -3,6 +3,7 @@
 #include <pybind11/stl.h>
 
 #include <memory>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -17,9 +18,11 @@ namespace apron::python {
 void set_apron_error(const char* message) noexcept {
   try {
     const py::object type = py::module_::import("apron._errors").attr("Error");
-    PyErr_SetString(type.ptr(), message);
+    PyErr_SetString(type.ptr(), common::printable_lines(message).c_str());
   } catch (py::error_already_set& error) {
     error.restore();
+  } catch (const std::bad_alloc&) {
+    PyErr_NoMemory();
   }
 }
 

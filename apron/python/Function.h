@@ -18,7 +18,7 @@
 
 namespace apron::python {
 
-// Raises apron.Error.
+// Raises apron.Error, whose text has no control characters but line breaks and tabs.
 void set_apron_error(const char* message) noexcept;
 
 struct FunctionConfiguration {

@@ -170,7 +170,9 @@ void draw_text(cairo_t* cr, double x, double y, const std::string& any_text, dou
 }
 
 void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, const std::vector<Rgba>& pixels) {
+  constexpr double kInvisible = 1e-6;  // Cairo has no inverse of a scale of 0
   const int rows = static_cast<int>(std::ssize(pixels) / columns);
+  if (std::abs(area.width / columns) < kInvisible || std::abs(area.height / rows) < kInvisible) return;
   std::vector<std::uint32_t> packed(pixels.size());
   std::ranges::transform(pixels, packed.begin(), pack_rgb24);
   const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> image(

@@ -19,13 +19,15 @@
 #include <stdexcept>
 
 #include "common/confine/Confinement.h"
+#include "common/error/UserError.h"
 #include "common/process/StopSignals.h"
 
 namespace common {
 namespace {
 
 constexpr int kStopInterval_ms = 50;
-constexpr int kNoMemory = 3;  // exit status of the child
+constexpr int kNoMemory = 3, kRefused = 4;  // exit statuses of the child
+constexpr int kResult = STDERR_FILENO + 1;  // its pipe
 
 thread_local double children_s = 0.0;
 
@@ -38,22 +40,48 @@ bool write_all(int fd, const std::string& bytes) {
   return true;
 }
 
-// The bytes that the process has mapped, which count towards the child's limit.
+// A limit that cannot be set. SMARTSURF_CONFINE=off does without.
+void refuse_unlimited(const std::string& what) {
+  if (confinement_mode() == ConfinementMode::kOff) return;
+  throw UserError("a file of unknown origin is read within limits of memory and processor time, and " + what +
+                  ": " + std::strerror(errno));
+}
+
+// The bytes that the process has mapped, which count towards its limit; RLIM_INFINITY: unknown.
 rlim_t mapped_bytes() {
   unsigned long long pages = 0;
+  errno = 0;
   std::FILE* const file = std::fopen("/proc/self/statm", "re");
   const bool known = file != nullptr && std::fscanf(file, "%llu", &pages) == 1;
   if (file != nullptr) std::fclose(file);
-  return known ? static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) : RLIM_INFINITY;
+  if (known) return static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE));
+  refuse_unlimited("/proc/self/statm, which tells the memory in use, cannot be read");
+  return RLIM_INFINITY;
 }
 
 // The hard limit is larger by `grace`.
 void limit(__rlimit_resource resource, rlim_t value, rlim_t grace = 0) {
   rlimit now{};
-  if (value == RLIM_INFINITY || ::getrlimit(resource, &now) != 0) return;
-  now.rlim_max = std::min(now.rlim_max, value + grace);
-  now.rlim_cur = std::min({now.rlim_cur, now.rlim_max, value});  // RLIM_INFINITY is the largest number
-  ::setrlimit(resource, &now);
+  if (::getrlimit(resource, &now) == 0) {
+    now.rlim_max = std::min(now.rlim_max, value + grace);
+    now.rlim_cur = std::min({now.rlim_cur, now.rlim_max, value});  // RLIM_INFINITY is the largest number
+    if (::setrlimit(resource, &now) == 0) return;
+  }
+  refuse_unlimited("the system refuses to set them");
+}
+
+void limit_memory(rlim_t mapped, std::size_t bytes) {
+  if (mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + bytes);
+}
+
+void confine_child(const ChildLimits& limits, rlim_t mapped) {
+  limit(RLIMIT_CORE, 0);
+  limit_memory(mapped, limits.memory_bytes);
+  limit_processor_time(limits.cpu_s);
+  Confinement confinement;
+  confinement.read = limits.readable;
+  add_system_files(confinement);
+  confine(confinement);
 }
 
 [[noreturn]] void run_child(const std::function<std::string()>& work, const ChildLimits& limits, int fd,
@@ -64,19 +92,18 @@ void limit(__rlimit_resource resource, rlim_t value, rlim_t grace = 0) {
   for (const int signal :
        {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGPROF, SIGTERM, SIGINT, SIGHUP, SIGXCPU, SIGALRM})
     std::signal(signal, SIG_DFL);
-  limit(RLIMIT_CORE, 0);
-  if (mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + limits.memory_bytes);
-  limit_processor_time(limits.cpu_s);
-  ::dup2(fd, STDERR_FILENO + 1);  // the result's pipe, the only descriptor that stays besides the streams
-  ::close_range(STDERR_FILENO + 2, ~0U, 0);
+  ::dup2(fd, kResult);  // the only descriptor that stays besides the streams
+  ::close_range(kResult + 1, ~0U, 0);
   if (const int nowhere = ::open("/dev/null", O_RDWR); nowhere >= 0)
     for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, stream);
   try {
-    Confinement confinement;
-    confinement.read = limits.readable;
-    add_system_files(confinement);
-    confine(confinement);
-    ::_exit(write_all(STDERR_FILENO + 1, work()) ? 0 : 1);
+    try {
+      confine_child(limits, mapped);
+    } catch (const std::runtime_error& error) {
+      write_all(kResult, error.what());
+      ::_exit(kRefused);
+    }
+    ::_exit(write_all(kResult, work()) ? 0 : 1);
   } catch (const std::bad_alloc&) {
     ::_exit(kNoMemory);
   } catch (...) {
@@ -108,7 +135,7 @@ double processor_time_s(const rusage& used) { return seconds(used.ru_utime) + se
 }  // namespace
 
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
-  (void)confinement_mode();  // a mistake in it is reported here
+  const rlim_t mapped = mapped_bytes();
   int pipe_fds[2];
   const auto refuse = [] {
     throw std::runtime_error(
@@ -116,12 +143,6 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
         std::strerror(errno));
   };
   if (::pipe2(pipe_fds, O_CLOEXEC) != 0) refuse();
-  const rlim_t mapped = mapped_bytes();
-  if (mapped == RLIM_INFINITY) {  // without it the child's memory would have no limit
-    ::close(pipe_fds[0]);
-    ::close(pipe_fds[1]);
-    refuse();
-  }
   const pid_t parent = ::getpid(), child = ::fork();
   if (child == 0) run_child(work, limits, pipe_fds[1], parent, mapped);
   ::close(pipe_fds[1]);
@@ -146,6 +167,7 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   children_s += processor_time_s(used);
   const bool out_of_time = ended && ran_out_of_time(status, used, limits.cpu_s);
   const int exit_status = ended && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  if (exit_status == kRefused) throw UserError(result.bytes);
   result.end = exit_status == 0                              ? ChildResult::End::kReturned
                : exit_status == kNoMemory                    ? ChildResult::End::kOutOfMemory
                : out_of_time                                 ? ChildResult::End::kOutOfTime
@@ -154,11 +176,9 @@ ChildResult run_in_child(const std::function<std::string()>& work, const ChildLi
   return result;
 }
 
-void limit_address_space(std::size_t bytes) noexcept {
-  if (const rlim_t mapped = mapped_bytes(); mapped != RLIM_INFINITY) limit(RLIMIT_AS, mapped + bytes);
-}
+void limit_address_space(std::size_t bytes) { limit_memory(mapped_bytes(), bytes); }
 
-void limit_processor_time(double seconds) noexcept {
+void limit_processor_time(double seconds) {
   const auto whole_s = static_cast<time_t>(seconds);
   const itimerval once{{0, 0},
                        {whole_s, static_cast<suseconds_t>(1e6 * (seconds - static_cast<double>(whole_s)))}};

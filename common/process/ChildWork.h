@@ -29,16 +29,17 @@ struct ChildResult {
 
 // Runs `work` in a child, which is confined to reading what the limits name (Confinement.h), has no open
 // files but the standard streams, which lead nowhere, and ends with this process. Throws std::runtime_error
-// if there can be no child: the work is not done here then.
+// if there can be no child, or none that is limited (UserError) and confined: the work is not done then.
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits&);
 
-// Limits this process's address space to what it has now and `bytes` more; not at all where the former is
-// unknown.
-void limit_address_space(std::size_t bytes) noexcept;
+// Limits this process's address space to what it has now and `bytes` more. Throws UserError if that cannot
+// be, unless SMARTSURF_CONFINE is off.
+void limit_address_space(std::size_t bytes);
 
 // SIGPROF ends this process, which has just been forked, when it has used so much more processor time, and
-// the kernel (RLIMIT_CPU) a second or two later if foreign code in it has switched that off.
-void limit_processor_time(double seconds) noexcept;
+// the kernel (RLIMIT_CPU) a second or two later if foreign code in it has switched that off. Throws UserError
+// likewise.
+void limit_processor_time(double seconds);
 // True if that limit ended a process with this wait() status and usage.
 bool ran_out_of_time(int status, const rusage& used, double seconds) noexcept;
 

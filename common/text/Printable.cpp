@@ -35,6 +35,13 @@ void for_each_printable(std::string_view text, LineBreaks line_breaks, Put put) 
   }
 }
 
+std::string printable(std::string_view text, LineBreaks line_breaks) {
+  std::string result;
+  result.reserve(text.size());
+  for_each_printable(text, line_breaks, [&](char c) { result += c; });
+  return result;
+}
+
 void write_to_standard_error(const char* text, std::size_t bytes) noexcept {
   while (bytes != 0) {
     const ssize_t written = ::write(STDERR_FILENO, text, bytes);
@@ -62,12 +69,9 @@ class StandardError {
 
 }  // namespace
 
-std::string printable(std::string_view text) {
-  std::string result;
-  result.reserve(text.size());
-  for_each_printable(text, LineBreaks::kReplaced, [&](char c) { result += c; });
-  return result;
-}
+std::string printable(std::string_view text) { return printable(text, LineBreaks::kReplaced); }
+
+std::string printable_lines(std::string_view text) { return printable(text, LineBreaks::kKept); }
 
 void print_output(std::string_view text) {
   static const bool is_terminal = ::isatty(STDOUT_FILENO) != 0;

@@ -11,6 +11,8 @@ namespace common {
 // bidirectional controls included, and every byte that is not UTF-8 replaced by '?'. An escape sequence in a
 // file's attribute must not reach the terminal.
 std::string printable(std::string_view text);
+// Likewise, with line breaks and tabs.
+std::string printable_lines(std::string_view text);
 
 // Prints to standard output; to a terminal as by printable(), but with line breaks and tabs. A failure is
 // seen in ferror(stdout) at the end of the program.

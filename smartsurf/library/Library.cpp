@@ -6,6 +6,7 @@
 
 #include "common/arithmetic/StandardArithmetic.h"
 #include "common/text/ClassicLocale.h"
+#include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/library/smartsurf.h"
 #include "smartsurf/simulation/Environment.h"
@@ -42,10 +43,10 @@ smartsurf_status guarded(const Work& work) noexcept {
     work();
     return SMARTSURF_OK;
   } catch (const common::UserError& error) {
-    last_error = error.what();
+    last_error = common::printable(error.what());
     return SMARTSURF_INVALID;
   } catch (const std::exception& error) {
-    last_error = error.what();
+    last_error = common::printable(error.what());
     return SMARTSURF_FAILED;
   }
 }

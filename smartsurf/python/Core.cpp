@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/error/UserError.h"
+#include "common/text/Printable.h"
 #include "smartsurf/extension/Extension.h"
 #include "smartsurf/python/Arrays.h"
 #include "smartsurf/python/Bindings.h"
@@ -32,8 +33,16 @@ Array<double> draw_uniform(const std::vector<std::uint64_t>& seeds, const std::s
 
 PYBIND11_MODULE(_core, m) {
   m.attr("__version__") = SMARTSURF_VERSION;
-  py::register_exception<common::UserError>(m, "Error", PyExc_ValueError).doc() =
-      "An error in an experiment, a value or a file, in one line.";
+  py::exception<common::UserError> type(m, "Error", PyExc_ValueError);
+  type.doc() = "An error in an experiment, a value or a file, in one line without control characters.";
+  static const py::handle error = type.release();
+  py::register_local_exception_translator([](std::exception_ptr thrown) {
+    try {
+      std::rethrow_exception(std::move(thrown));
+    } catch (const common::UserError& user_error) {
+      PyErr_SetString(error.ptr(), common::printable(user_error.what()).c_str());
+    }
+  });
 
   m.def("load_extension", [](const std::string& path) { extension::load(path); });
   m.def("next_seed", &simulation::next_seed);

@@ -50,9 +50,13 @@ std::vector<std::string> make_command(const std::string& controller, const std::
                                       bool with_window, const std::vector<std::string>& overrides,
                                       const std::string& show_registers) {
   const bool is_model = is_onnx_model(controller);
-  if ((is_model || is_apron_program(controller)) && !fs::is_regular_file(controller))
-    throw scene::InputError(
-        fmt::format("--controller {}: no such {}", controller, is_model ? "model" : "program"));
+  std::error_code error;
+  const fs::file_status status = fs::status(controller, error);
+  if ((is_model || is_apron_program(controller)) && !fs::is_regular_file(status))
+    throw scene::InputError(fmt::format("--controller {}: {}", controller,
+                                        fs::exists(status) ? "is not a regular file"
+                                        : is_model         ? "no such model"
+                                                           : "no such program"));
   if (is_model) return python_command("onnx_controller", {controller, "--shm", shm_name});
   if (is_apron_program(controller)) {
     std::vector<std::string> command = {apron_executable(), "run", controller, "--shm", shm_name};

@@ -14,6 +14,7 @@ import hashlib
 import itertools
 import json
 import math
+import os
 import pathlib
 import platform
 import random
@@ -26,7 +27,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from ._files import replaced
+from ._files import ResultError, clear, open_own, read_json, read_own, replaced, require_no_link, write_own
 from ._printable import guard_output
 from .run import command, execute as execute_command
 from .success import Step, success_curve, time_of_share, wilson
@@ -136,7 +137,7 @@ def folder_name(options: Options, seed: int) -> str:
 @contextlib.contextmanager
 def locked(folder: pathlib.Path) -> Iterator[bool]:
     """Whether this process alone works in the folder, which the kernel decides and forgets with the process."""
-    with (folder / ".lock").open("a") as file:
+    with open(open_own(folder / ".lock", os.O_RDWR | os.O_CREAT)) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -147,8 +148,14 @@ def locked(folder: pathlib.Path) -> Iterator[bool]:
             yield True
 
 
+def require_own(folder: pathlib.Path) -> None:
+    """Raises ResultError if the folder of a run lies outside that of its sweep."""
+    for link in (folder.parent, folder):
+        require_no_link(link)
+
+
 class Point:
-    """One point of the search space with one seed, and its folder."""
+    """One point of the search space with one seed, and its folder. Raises ResultError where that holds what no run has left."""
 
     def __init__(self, out: pathlib.Path, options: Options, seed: int, digest: str):
         self.options, self.seed, self.digest = options, seed, digest
@@ -156,21 +163,29 @@ class Point:
 
     def status(self) -> int | None:
         """The exit status; None: not run yet, or with other sources."""
+        require_own(self.folder)
         try:
-            status, digest, *options = (self.folder / "status").read_text().rstrip("\n").split(" ", 2)
+            text = read_own(self.folder / "status")
+        except OSError:
+            return None
+        try:
+            status, digest, *options = text.decode().rstrip("\n").split(" ", 2)
             # Without options: of an earlier version, in whose names of folders "_" also stood for "/".
             same = json.loads(options[0]) == dict(self.options) if options else not any("_" in value for _, value in self.options)
             return int(status) if same and digest == self.digest else None
-        except (OSError, ValueError):
+        except (ValueError, RecursionError):
             return None
 
     def read(self, name: str) -> dict[str, Any]:
         """One of the folder's JSON files; empty if there is none."""
+        require_own(self.folder)
         try:
-            stored: dict[str, Any] = json.loads((self.folder / name).read_text())
-            return stored
-        except (OSError, ValueError):
+            stored = read_json(self.folder / name)
+        except OSError:
             return {}
+        if not is_number(stored.get("simulated_s", 0)):
+            raise ResultError(f"{self.folder / name}: is damaged: simulated_s: must be a number")
+        return stored
 
     def named_figures(self) -> Iterator[tuple[str, str, Any]]:
         """Name, column of the tables and value of each figure. The statistics have nested names, joined by dots, and the metrics
@@ -208,9 +223,10 @@ class Point:
     def message(self) -> str:
         """The last line of the run's log."""
         try:
-            return ((self.folder / "log").read_text().strip().splitlines() or ["no message"])[-1]
+            text = read_own(self.folder / "log", last=65536).decode(errors="replace")
         except OSError:
-            return "no message"
+            text = ""
+        return (text.strip().splitlines() or ["no message"])[-1]
 
 
 def earlier(out: pathlib.Path, points: Sequence[Point]) -> tuple[list[Point], int]:
@@ -221,9 +237,14 @@ def earlier(out: pathlib.Path, points: Sequence[Point]) -> tuple[list[Point], in
     found, others, folders = [], 0, {point.folder for point in points}
     for folder in sorted((out / "runs").iterdir()) if (out / "runs").is_dir() else ():
         try:
-            status, of, text = (folder / "status").read_text().rstrip("\n").split(" ", 2)
-            options, seed = dict(json.loads(text)), json.loads((folder / "stats.json").read_text())["seed"]
-        except (OSError, ValueError, KeyError, TypeError):  # not run, failed, or of an earlier version
+            require_own(folder)
+            status, of, text = read_own(folder / "status").decode().rstrip("\n").split(" ", 2)
+            options, seed = dict(json.loads(text)), read_json(folder / "stats.json")["seed"]
+            is_run = isinstance(seed, int) and all(isinstance(part, str) for option in options.items() for part in option)
+        # Not run, failed, of an earlier version, or no run at all.
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            continue
+        if not is_run:
             continue
         if folder in folders or status != "0":
             continue
@@ -261,6 +282,7 @@ def tasks(points: Sequence[Point], arguments: dict[str, Any], worlds: int = 1, t
 @contextlib.contextmanager
 def temporary(folder: pathlib.Path) -> Iterator[pathlib.Path]:
     """The folder, empty, while its context lasts."""
+    clear(folder)
     shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
     folder.mkdir()
     try:
@@ -275,9 +297,12 @@ def execute(task: dict[str, Any]) -> None:
     A pack is one process. If it fails, its runs are repeated one by one, so that each has its own status and log."""
     folders = [pathlib.Path(folder) for folder in task["folders"]]
     for folder in folders:
+        require_own(folder)
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("status", "stats.json"):
             (folder / name).unlink(missing_ok=True)
+        for name in ("recording.h5", "recording.files"):  # which the simulator writes
+            clear(folder / name)
         shutil.rmtree(folder / "recording.files", ignore_errors=True)
     is_pack = len(folders) > 1
     with temporary(folders[0] / "worlds") if is_pack else contextlib.nullcontext(folders[0]) as made:
@@ -293,13 +318,13 @@ def execute(task: dict[str, Any]) -> None:
                 for file in made.glob(f"recording-{k}.*") if is_pack else ():
                     file.replace(folder / f"recording{file.suffix}")
                 if stats is not None:
-                    (folder / "stats.json").write_text(json.dumps(stats["runs"][k] if is_pack else stats, indent=2) + "\n")
-                (folder / "log").write_text(log)
-                (folder / "provenance.json").write_text(json.dumps({
+                    write_own(folder / "stats.json", json.dumps(stats["runs"][k] if is_pack else stats, indent=2) + "\n")
+                write_own(folder / "log", log)
+                write_own(folder / "provenance.json", json.dumps({
                     "host": platform.node(), "platform": platform.platform(), "started": started,
                     "wall_s": round(time.monotonic() - start, 3), "attempts": attempt, "worlds": len(folders),
                     "digest": task["digest"], "command": shlex.join(words)}, indent=2) + "\n")
-                (folder / "status").write_text(f"{status} {task['digest']} {json.dumps(task['arguments']['set'])}\n")
+                write_own(folder / "status", f"{status} {task['digest']} {json.dumps(task['arguments']['set'])}\n")
             return
     for k, folder in enumerate(folders):
         execute({**task, "seed": task["seed"] + k, "folders": [str(folder)]})
@@ -429,7 +454,7 @@ def columns(table: Iterable[dict[str, Any]]) -> list[str]:
 
 def write_csv(path: pathlib.Path, table: Sequence[dict[str, Any]]) -> None:
     names = columns(table)
-    with replaced(path) as part, part.open("w", newline="") as file:
+    with replaced(path, own=True) as part, part.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         writer.writerows(["" if row.get(name) is None else row[name] for name in names] for row in table)
@@ -437,7 +462,7 @@ def write_csv(path: pathlib.Path, table: Sequence[dict[str, Any]]) -> None:
 
 def write_jsonl(path: pathlib.Path, points: Iterable[Point]) -> None:
     """One object per point: options, seed, exit_status, stats, provenance."""
-    with replaced(path) as part, part.open("w") as file:
+    with replaced(path, own=True) as part, part.open("w") as file:
         for p in points:
             known = p.status() is not None
             file.write(json.dumps({"options": dict(p.options), "seed": p.seed, "exit_status": p.status(),
@@ -460,7 +485,7 @@ def write_parquet(path: pathlib.Path, table: Sequence[dict[str, Any]], provenanc
             values = [None if v is None else float(v) for v in values]
         arrays[name] = pyarrow.array(values)
     metadata = {"smartsurf.provenance": json.dumps(provenance)}
-    with replaced(path) as part:
+    with replaced(path, own=True) as part:
         pyarrow.parquet.write_table(pyarrow.table(arrays).replace_schema_metadata(metadata), part)
 
 

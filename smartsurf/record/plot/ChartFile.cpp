@@ -17,6 +17,8 @@ namespace {
 
 using nlohmann::json;
 
+constexpr std::size_t kMaxCells = 32767;  // of an image across and down: Cairo's limit
+
 [[noreturn]] void fail(const std::string& reason) { throw scene::InputError(reason); }
 
 // The fields of one object of the description; `name` is its place in it: "layers[2]".
@@ -102,6 +104,9 @@ void read_image(const Fields& fields, ChartLayer& layer) {
   for (const std::string& color : colors) layer.colors.push_back(parse_color(color, fields.place("colors")));
   if (layer.values.empty() || layer.values.front().empty())
     fail(fields.place("values") + ": must be rows of numbers");
+  if (const std::size_t most = std::max(layer.values.size(), layer.values.front().size()); most > kMaxCells)
+    fail(fields.place("values") + ": has " + std::to_string(most) + " rows or columns: must have at most " +
+         std::to_string(kMaxCells));
   if (layer.labels.size() > colors.size()) fail(fields.place("labels") + ": are more than the colours");
   for (const std::vector<int>& row : layer.values) {
     if (row.size() != layer.values.front().size())
@@ -151,6 +156,14 @@ void require_categories(const ChartSpec& chart, const std::string& place) {
   }
 }
 
+// Cells are 1 wide.
+void require_cells(const ChartSpec& chart, const ChartAxis& axis, const std::string& place) {
+  constexpr double kLeast = 0.01;
+  const bool has_cells = std::ranges::count(chart.layers, ChartLayer::Mark::kRect, &ChartLayer::mark) > 0;
+  if (has_cells && axis.domain && std::abs((*axis.domain)[1] - (*axis.domain)[0]) < kLeast)
+    fail(place + ".domain: must be at least 0.01 of a cell of the rect");
+}
+
 // An axis of decades shows numbers above 0, which the cells of an image are not.
 void require_shown(const std::vector<ChartLayer>& layers, std::vector<double> ChartLayer::*values,
                    const ChartAxis& axis, const std::string& place) {
@@ -185,6 +198,8 @@ ChartSpec read_chart(const json& object, const std::string& name) {
     chart.layers.push_back(
         read_layer(layer, fields.place("layers[" + std::to_string(chart.layers.size()) + "]")));
   require_categories(chart, fields.place("layers"));
+  require_cells(chart, chart.x, fields.place("x"));
+  require_cells(chart, chart.y, fields.place("y"));
   require_shown(chart.layers, &ChartLayer::x, chart.x, fields.place("x"));
   require_shown(chart.layers, &ChartLayer::y, chart.y, fields.place("y"));
   return chart;

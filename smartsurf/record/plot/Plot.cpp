@@ -3,6 +3,7 @@
 #include <cairo-pdf.h>
 #include <cairo-svg.h>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <fontconfig/fontconfig.h>
 #include <unistd.h>
 
@@ -29,6 +30,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kPixelsPerPoint = 2.0;
+constexpr double kMaxSide = 14400.0;  // points: the largest page of PDF; as pixels, Cairo's largest is 32767
+constexpr double kMaxArea = 5e7;      // 800 MB of pixels
 
 // Splits KIND:ARGUMENT:….
 std::vector<std::string> split_at_colons(const std::string& what) {
@@ -166,7 +169,15 @@ void load_fonts() {
   (void)once;
 }
 
-void write_figure(const Figure& figure, const fs::path& path) {
+// `source` is where the figure's contents come from.
+void write_figure(const Figure& figure, const fs::path& source, const fs::path& path) {
+  const double width = figure.width(), height = figure.height();
+  if (width > kMaxSide || height > kMaxSide || width * height > kMaxArea)
+    throw scene::InputError(
+        fmt::format("{}: a figure of {:.0f} x {:.0f} points: must be at most {:.0f} wide and high, and have "
+                    "an area of at "
+                    "most {:.0f} million square points",
+                    source.string(), width, height, kMaxSide, 1e-6 * kMaxArea));
   load_fonts();
   const std::string extension = path.extension().string();
   if (const std::error_code error = common::replace_file(path, extension == ".svg"   ? render_svg(figure)
@@ -194,18 +205,18 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
     throw scene::InputError(
         recording.path().string() + ": " + why_no_objects(recording.meta()) +
         (recording.meta().is_simulated ? "" : "; --what names what to plot instead, such as height:0,0"));
-  write_figure(*make_figure(recording, what), path);
+  write_figure(*make_figure(recording, what), recording.path(), path);
 }
 
 void write_chart(const fs::path& description, const fs::path& path) {
   require_picture_name(path);
-  write_figure(read_chart_file(description), path);
+  write_figure(read_chart_file(description), description, path);
 }
 
 void write_curves(const std::vector<double>& time, TimeSeries series, const std::string& subtitle,
                   const fs::path& path) {
   require_picture_name(path);
-  write_figure(ChartFigure(make_curve_chart(time, std::move(series), subtitle)), path);
+  write_figure(ChartFigure(make_curve_chart(time, std::move(series), subtitle)), path, path);
 }
 
 }  // namespace smartsurf::record

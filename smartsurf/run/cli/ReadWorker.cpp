@@ -141,7 +141,8 @@ int read_in_worker(const ReadJob& job) {
   const int signal = WTERMSIG(status);
   for (const int crash : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGSYS})
     if (signal == crash)
-      throw scene::InputError(job.recording + ": is damaged: the HDF5 library cannot read it");
+      throw scene::InputError(job.recording + ": cannot be read: its reader has crashed (" +
+                              ::strsignal(signal) + ")");
   if (job.only_reads && common::ran_out_of_time(status, used, time_s))
     throw scene::InputError(
         fmt::format("{}: needs more than {:.0f} s of processor time, the most that a reader of a "

@@ -111,6 +111,11 @@ int main(void) {
   EXPECT(smartsurf_reset(failing, 1) == SMARTSURF_OK && smartsurf_step(failing, NULL) == SMARTSURF_OK);
   smartsurf_destroy(failing);
 
+  smartsurf_environment* refused = NULL;
+  const smartsurf_options coloured = {
+      .size = sizeof coloured, .file = "corners.lua", .text = "error('\\u{9b}31m\\u{202e}')"};
+  EXPECT_REFUSED(smartsurf_create(&coloured, &refused), "corners.lua:1: ?31m?");
+
   EXPECT_REFUSED(smartsurf_step(NULL, NULL), "environment: is null");
   EXPECT_REFUSED(smartsurf_reset(NULL, 1), "environment: is null");
   EXPECT_REFUSED(smartsurf_save(NULL, &bytes, &count), "environment: is null");

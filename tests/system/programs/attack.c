@@ -196,6 +196,13 @@ const void* _ZN6Assimp8Importer8ReadFileEPKcj(void* importer, const char* file, 
   return real(importer, file, flags);
 }
 
+/* A chart is drawn. */
+void* cairo_svg_surface_create_for_stream(void* write, void* closure, double width, double height) {
+  void* (*real)(void*, void*, double, double) = next("cairo_svg_surface_create_for_stream");
+  if (getenv("ATTACK_CHART") != NULL) attack(STDERR_FILENO);
+  return real(write, closure, width, height);
+}
+
 /* An APRON program prints. */
 int fflush(FILE* stream) {
   int (*real)(FILE*) = next("fflush");

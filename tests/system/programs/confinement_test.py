@@ -2,6 +2,7 @@
 import ctypes
 import re
 import shutil
+import struct
 
 from programs import *
 
@@ -36,6 +37,19 @@ pid_t fork(void) {
   return child;
 }
 """
+
+
+def without_proc():
+    """Of the folders in / this process and its children can read the files of all but /proc."""
+    libc, read_file = ctypes.CDLL(None), 1 << 2
+    rules = libc.syscall(444, ctypes.create_string_buffer(struct.pack("Q", read_file)), 8, 0)
+    for folder in set(pathlib.Path("/").iterdir()) - {pathlib.Path("/proc")}:
+        place = os.open(folder, os.O_PATH)
+        libc.syscall(445, rules, 1, ctypes.create_string_buffer(struct.pack("=Qi", read_file, place)), 0)
+        os.close(place)
+    libc.prctl(38, 1, 0, 0, 0)
+    libc.syscall(446, rules, 0)
+    os.close(rules)
 
 
 @unittest.skipUnless(shutil.which("cc"), "needs a C compiler")
@@ -76,9 +90,9 @@ class Confinement(ProgramTest):
         status, _, err = self.run_here(SMARTSURF, "run", "s.lua", "--no-controller", "--ticks", "3", "--record", "r.h5")
         self.assertEqual(status, 0, err)
 
-    def run_here(self, *command, **environment):
+    def run_here(self, *command, container=None, **environment):
         child = subprocess.Popen([str(word) for word in command], cwd=self.home, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                 text=True, env={**os.environ, **environment})
+                                 text=True, env={**os.environ, **environment}, preexec_fn=container)
         self.children.append(child)
         return self.finish(child)
 
@@ -98,6 +112,7 @@ class Confinement(ProgramTest):
         "help": ((SMARTSURF, "run", "s.lua", "--help"), {}),
         "info": ((SMARTSURF, "info", "r.h5"), {}),
         "plot": ((SMARTSURF, "plot", "r.h5", "-o", "r.svg"), {}),
+        "chart": ((SMARTSURF, "plot", "c.json", "-o", "c.svg"), {"ATTACK_CHART": "1"}),
         "export": ((SMARTSURF, "export", "r.h5", "-o", "r.html"), {}),
         "verify": ((SMARTSURF, "replay", "--verify", "r.h5"), {}),
         "mesh": ((SMARTSURF, "check", "m.lua"), {"ATTACK_MESH": "1"}),
@@ -107,6 +122,7 @@ class Confinement(ProgramTest):
     PICTURES = {"executable_memory", "memory_file"}
 
     def commands(self):
+        (self.home / "c.json").write_text('{"layers": [{"mark": "line", "x": [0, 1], "y": [0, 1]}]}')
         (self.home / "m.stl").write_text(TETRAHEDRON)
         (self.home / "m.lua").write_text(TABLE + "mesh { file = 'm.stl', position = {2, 2, 3} }\n")
         for name, (command, environment) in self.COMMANDS.items():
@@ -142,12 +158,15 @@ class Confinement(ProgramTest):
                 self.assertNotEqual((self.home / "target/kept").exists(), True)
 
     def test_another_program_ends_the_process(self):
-        for name in ("run", "info", "check"):
-            command, environment = self.COMMANDS[name]
+        for name, command, environment in self.commands():
+            if name not in ("run", "info", "check", "chart"):
+                continue
             for attack in ("execute", "trace_itself"):
                 status, outcomes, text = self.attack(command, ATTACK=attack, **environment)
                 self.assertNotEqual(status, 0, text)
                 self.assertEqual(outcomes, {}, text)
+                if name in ("info", "chart"):
+                    self.assertEqual((status, text), (2, f"smartsurf: {command[2]}: cannot be read: its reader has crashed (Bad system call)\n"))
         # Nothing is left behind by a run that ended so.
         self.assertEqual([p.name for p in self.home.iterdir() if "part" in p.name or p.name.endswith(".files")], [])
 
@@ -172,6 +191,37 @@ class Confinement(ProgramTest):
         status, _, err = self.run_here(SMARTSURF, "info", "r.h5", SMARTSURF_CONFINE="maybe")
         self.assertEqual(status, 2, err)
         self.assertIn("SMARTSURF_CONFINE", err)
+
+    READERS = ("info", "plot", "chart", "verify", "mesh")
+
+    def in_container(self, container, commands, confine):
+        """(status, stderr) of each of the commands."""
+        known = {name: command for name, command, _ in self.commands()}
+        for name in commands:
+            status, _, err = self.run_here(*known[name], container=container, SMARTSURF_CONFINE=confine)
+            yield status, err
+
+    @needs_call_numbers
+    def test_what_cannot_be_limited_is_not_read(self):
+        limits = refusing("setrlimit", "prlimit64")
+        names = {path.name for path in self.home.iterdir()} | {"c.json", "m.stl", "m.lua"}
+        for container, reason in ((limits, "the system refuses to set them: Operation not permitted\n"),
+                                  (without_proc, "/proc/self/statm, which tells the memory in use, cannot be read: Permission denied\n")):
+            for confine in ("", "require"):
+                for status, err in self.in_container(container, self.READERS, confine):
+                    self.assertEqual((status, err.count("\n"), err[-len(reason):]), (2, 1, reason))
+            self.assertEqual({path.name for path in self.home.iterdir()}, names)
+        for status, err in self.in_container(limits, self.READERS, "off"):
+            self.assertEqual((status, err), (0, ""))
+
+    @needs_call_numbers
+    def test_what_a_container_refuses_is_left_out_unless_required(self):
+        for call, means in (("landlock_create_ruleset", "seccomp, no Landlock: files are not confined"), ("seccomp", "no seccomp, Landlock version")):
+            for status, err in self.in_container(refusing(call), ("run", "info", "mesh"), "require"):
+                self.assertEqual((status, err.count("\n")), (2, 1), err)
+                self.assertIn(f"SMARTSURF_CONFINE=require: this system has {means}", err)
+            for status, err in self.in_container(refusing(call), ("run", "info", "mesh"), ""):
+                self.assertEqual(status, 0, err)
 
     def test_plot_is_silent_without_a_cache_of_fonts(self):
         fonts, settings = self.folder / "fonts", self.folder / "fonts.conf"

@@ -293,7 +293,9 @@ class RegularFiles(Hostile):
     """A pipe or a device in the place of a file is refused at once."""
 
     def test_pipes_are_refused(self):
-        for name in ("f.lua", "f.aps", "f.h5", "f.json", "f.csv", "f.png", "f.npy", "f.y4m", "f.obj", "f.urdf", "f.txt", "f.so",
+        (self.folder / "device.onnx").symlink_to("/dev/zero")
+        plain = self.write("plain.lua", TABLE)
+        for name in ("f.lua", "f.aps", "f.onnx", "f.h5", "f.json", "f.csv", "f.png", "f.npy", "f.y4m", "f.obj", "f.urdf", "f.txt", "f.so",
                      "part.lua", "inc.aps", "palettes.txt", "video9"):
             os.mkfifo(self.folder / name)
         program = "!register(A)\n"
@@ -310,7 +312,8 @@ class RegularFiles(Hostile):
                         (*check, "mesh.lua", "--load", "f.so"), (SMARTSURF, "info", "f.h5"), (SMARTSURF, "plot", "f.h5", "-o", "a.svg"),
                         (SMARTSURF, "plot", "f.json", "-o", "a.svg"), (*run, "f.aps"), (*run, "plain.aps", "--palettes", "f.txt"),
                         (*run, "plain.aps", "--palettes", "/dev/null", "--cost-model", "f.json", "--profile", "p.json"),
-                        (APRON, "import", "f.aps"), (APRON, "fmt", "f.aps")):
+                        (APRON, "import", "f.aps"), (APRON, "fmt", "f.aps"),
+                        *((SMARTSURF, "run", plain, "--controller", name) for name in ("f.aps", "f.onnx", "device.onnx"))):
             status, out, err = self.finish(self.start(*command), 20)
             self.assertEqual(status, 2, f"{command}: {out}{err}")
             self.assertRegex(err, "regular file", command)
@@ -319,7 +322,7 @@ class RegularFiles(Hostile):
             status, out, err = self.finish(self.start(*run, name + ".aps"), 20)
             self.assertEqual(status, 2, f"{name}: {out}{err}")
             self.assertRegex(err, "regular file|there is no file", name)
-        status, _, err = self.finish(self.start(SMARTSURF, "run", self.write("plain.lua", TABLE), "--no-controller", "--record", "f.h5"), 20)
+        status, _, err = self.finish(self.start(SMARTSURF, "run", plain, "--no-controller", "--record", "f.h5"), 20)
         self.assertEqual(status, 2, err)
         self.assertRegex(err, "f.h5: is not a regular file")
         for camera in ("video9", "f.png", "f.y4m", "/dev/null", "/dev/zero"):

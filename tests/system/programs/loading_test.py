@@ -1,9 +1,7 @@
 """Nothing is loaded from the current folder: neither shared objects nor Python modules."""
-import ctypes
 import platform
 import re
 import shutil
-import struct
 import sys
 
 from programs import *
@@ -142,24 +140,16 @@ class Loading(ProgramTest):
             names, out = self.imported(doctor, **environment)
             self.assertEqual(names, [], out)
 
-    @unittest.skipUnless(platform.machine() == "x86_64", "the filter has this machine's numbers")
-    def test_doctor_sees_a_container_in_which_no_process_can_be_confined(self):
-        refuse = struct.pack("HBBI" * 4, 0x20, 0, 0, 0,  # load the call's number
-                             0x15, 0, 1, 157,  # prctl
-                             0x06, 0, 0, 0x00050001,  # EPERM
-                             0x06, 0, 0, 0x7FFF0000)
-        libc = ctypes.CDLL(None)
-
-        def without_prctl():
-            libc.prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS, which the filter needs
-            code = ctypes.create_string_buffer(refuse, len(refuse))
-            filter = ctypes.create_string_buffer(struct.pack("HxxxxxxQ", 4, ctypes.addressof(code)))
-            libc.syscall(317, 1, 0, filter)
-
-        for environment, is_told in (({}, True), ({"SMARTSURF_CONFINE": "off"}, False)):
-            doctor = subprocess.run([ROOT / "scripts/doctor"], preexec_fn=without_prctl, env=os.environ | environment,
+    @needs_call_numbers
+    def test_doctor_sees_a_container_that_refuses_what_confines(self):
+        for calls, environment, told in ((("prctl",), {}, "WRONG prctl"), (("prctl",), {"SMARTSURF_CONFINE": "off"}, ""),
+                                         (("setrlimit", "prlimit64"), {}, "WRONG limits"), (("prlimit64",), {"SMARTSURF_CONFINE": "off"}, ""),
+                                         (("landlock_create_ruleset",), {}, "note  landlock"), (("seccomp",), {}, "note  seccomp")):
+            doctor = subprocess.run([ROOT / "scripts/doctor"], preexec_fn=refusing(*calls), env=os.environ | environment,
                                     cwd=self.folder, capture_output=True, text=True)
-            self.assertEqual("WRONG prctl" in doctor.stdout, is_told, doctor.stdout)
+            # Of the lines about confinement those that tell of something missing.
+            lines = re.findall(r"^  (?:WRONG|note ) (?:prctl|limits|landlock|seccomp)", doctor.stdout, re.MULTILINE)
+            self.assertEqual([line.strip() for line in lines], [told] if told else [], doctor.stdout)
 
     @unittest.skipUnless((BIN.parent / "python/smartsurf/__init__.py").exists(), "needs the Python package")
     def test_statements_in_python_import_nothing_of_the_current_folder(self):

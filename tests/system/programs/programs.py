@@ -1,7 +1,9 @@
 """Fixtures for tests that run the programs as a user does."""
+import ctypes
 import json
 import os
 import pathlib
+import platform
 import signal
 import struct
 import subprocess
@@ -38,6 +40,24 @@ def has_bullet():
         scene.write(b"surface { rows = 4, columns = 4, actuator = pin {} }")
         scene.flush()
         return subprocess.run([SMARTSURF, "check", scene.name, "--engine", "bullet"], capture_output=True).returncode == 0
+
+
+CALLS = {"prctl": 157, "setrlimit": 160, "prlimit64": 302, "seccomp": 317, "landlock_create_ruleset": 444}  # of x86_64
+needs_call_numbers = unittest.skipUnless(platform.machine() == "x86_64", "the filter has this machine's numbers")
+
+
+def refusing(*names):
+    """For preexec_fn: the filter of a container in which these calls fail with EPERM."""
+    refusals = [words for name in names for words in ((0x15, 0, 1, CALLS[name]), (0x06, 0, 0, 0x00050001))]
+    code = b"".join(struct.pack("HBBI", *words) for words in ((0x20, 0, 0, 0), *refusals, (0x06, 0, 0, 0x7FFF0000)))
+    libc = ctypes.CDLL(None)
+
+    def install():
+        libc.prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS, which the filter needs
+        text = ctypes.create_string_buffer(code, len(code))
+        libc.syscall(CALLS["seccomp"], 1, 0, ctypes.create_string_buffer(struct.pack("HxxxxxxQ", len(code) // 8, ctypes.addressof(text))))
+
+    return install
 
 
 class ProgramTest(unittest.TestCase):
@@ -120,5 +140,5 @@ class ProgramTest(unittest.TestCase):
 
 
 __all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMALL_PICTURE", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
-           "children", "ended", "fields", "has_bullet", "json", "needs_view", "os", "pathlib", "program_seeds", "signal", "subprocess", "tempfile", "time",
-           "unittest"]
+           "children", "ended", "fields", "has_bullet", "json", "needs_call_numbers", "needs_view", "os", "pathlib", "program_seeds", "refusing",
+           "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -17,10 +17,10 @@ import sys
 from programs import *
 
 sys.path.insert(0, str(ROOT / "smartsurf/python"))
-from smartsurf._files import replaced  # noqa: E402
+from smartsurf._files import ResultError, replaced  # noqa: E402
 from smartsurf.run import RunError, plot, run  # noqa: E402
 from smartsurf.success import success_curve, time_of_share  # noqa: E402
-from smartsurf.sweep import COLOURS, folder_name, quantile, samples, wilson  # noqa: E402
+from smartsurf.sweep import COLOURS, Point, folder_name, quantile, rows, samples, summary, wilson, write_csv  # noqa: E402
 
 SWEEP = str(ROOT / "scripts/sweep")
 
@@ -158,6 +158,38 @@ class SweepStatistics(unittest.TestCase):
         self.assertEqual(sum(counts), 600)
         self.assertTrue(all(60 < count < 140 for count in counts), counts)
 
+    def test_any_statistics_are_read_or_refused_in_one_line(self):
+        source = random.Random(17)
+        texts = ["{", "", "nul", "[1]", "5", "\"a\"", "\xff", '{"a": 1, "a"}', '{"a":' * 20 + "1" + "}" * 20, "[" * 3000, '{"simulated_s": "x"}']
+
+        def value(levels):
+            kind = source.randrange(9 if levels else 6)
+            if kind < 6:
+                return source.choice(("1", "-2.5", "1" + "0" * 400, "1" + "0" * 5000, "1e999", "-1e308", "1e308", "NaN", "-Infinity", "null", "true",
+                                      '"text"', '"\\ud800"', '"\\n,"', str(2**64), str(2**64 - 1), str(-2**63)))
+            inner = [value(levels - 1) for _ in range(source.randint(0, 3))]
+            return f"[{','.join(inner)}]" if kind == 6 else "{" + ",".join(f"{self.name(source)}:{one}" for one in inner) + "}"
+
+        with tempfile.TemporaryDirectory() as folder:
+            point, refused = Point(pathlib.Path(folder), (), 1, "digest"), 0
+            point.folder.mkdir(parents=True)
+            (point.folder / "status").write_text("0 digest {}\n")
+            for text in texts + ["{" + ",".join(f"{self.name(source)}:{value(3)}" for _ in range(4)) + "}" for _ in range(400)]:
+                (point.folder / "stats.json").write_bytes(text.encode("latin-1"))
+                try:
+                    table = summary([point], "success", [0.25])
+                    write_csv(pathlib.Path(folder, "a.csv"), table + rows([point]))
+                    json.dumps(table, allow_nan=False)
+                except ResultError as error:
+                    refused += 1
+                    self.assertTrue(str(error).startswith(f"{point.folder}/stats.json: is damaged: ") and "\n" not in str(error), error)
+                else:
+                    self.assertEqual(point.read("stats.json"), json.loads(text))
+                    self.assertNotRegex(json.dumps(json.loads(text)), "^[^{]|NaN|Infinity|0{400}|ud80")
+            self.assertTrue(100 < refused < 400, refused)
+
+    def name(self, source):
+        return '"' + source.choice(("metrics", "success", "success_s", "simulated_s", "left_table", "a", "", "\\ud801")) + '"'
 
     def test_folders_of_points_differ(self):
         # Few letters, so that different points often read alike.
@@ -213,6 +245,53 @@ class Sweep(ProgramTest):
                 (self.folder / "out/.lock").unlink()
                 self.assertEqual({path: path.read_text() for path in self.folder.rglob("*") if path.is_file()},
                                  {path: text for path, text in before.items() if path not in (link, self.folder / "out/.lock")})
+
+    def test_links_and_pipes_in_the_folder_are_replaced(self):
+        words, out, victim = ("--seeds", "1-2", "--record", "--format", "csv,jsonl", "--y", "product"), self.folder / "out", self.folder / "victim"
+        self.assertEqual(self.sweep(*words)[0], 0)
+        whole = {path.relative_to(out): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+        self.assertEqual(len(whole), 6 + 2 * 5, whole.keys())
+        for make in (lambda path: path.symlink_to(victim), lambda path: path.hardlink_to(victim), os.mkfifo):
+            victim.write_text("kept")
+            for name in whole:
+                (out / name).unlink()
+                if name.name not in ("status", ".lock"):
+                    make(out / name)
+            for folder in out.glob("runs/*"):
+                (folder / "recording.files").symlink_to(self.folder)
+            self.assertEqual(self.sweep(*words)[::2], (0, ""))
+            self.assertEqual(victim.read_text(), "kept")
+            self.assertEqual({path.relative_to(out) for path in out.rglob("*") if path.is_file() and not path.is_symlink()}, whole.keys())
+            self.assertEqual((out / "results.svg").read_bytes(), whole[pathlib.Path("results.svg")])
+            self.assertEqual([float(row["product"]) for row in self.results()], [10, 10])
+
+    def test_what_no_run_has_left_is_refused(self):
+        def replace(path, make):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+            make(path)
+
+        words, out = ("--format", "jsonl"), self.folder / "out"
+        self.assertEqual(self.sweep(*words)[0], 0)
+        shutil.copytree(out, self.folder / "whole")
+        point, precious = "runs/seed=1", self.folder / "precious"
+        precious.mkdir()
+        no_file = "is a link, a pipe or the like: must be a file"
+        for name, make, fault in (
+                (point, lambda path: path.symlink_to(precious), "is a link: must be a folder"),
+                ("runs", lambda path: path.symlink_to(precious), "is a link: must be a folder"),
+                (".lock", os.mkfifo, no_file),
+                (f"{point}/status", os.mkfifo, no_file),
+                (f"{point}/stats.json", os.mkfifo, no_file),
+                (f"{point}/provenance.json", os.mkfifo, no_file),
+                (f"{point}/provenance.json", lambda path: path.symlink_to(self.experiment), no_file),
+                (f"{point}/stats.json", lambda path: path.write_text("[" * 100_000), "is damaged: has more than 32 levels")):
+            shutil.rmtree(out)
+            shutil.copytree(self.folder / "whole", out)
+            replace(out / name, make)
+            status, _, err = self.sweep(*words)
+            self.assertEqual((status, err.count("\n")), (2, 1), err)
+            self.assertTrue(err.startswith(f"sweep: {out / name}: {fault}"), err)
+            self.assertEqual(list(precious.iterdir()), [])
 
     def test_a_file_in_preparation_is_a_new_one(self):
         own, target = pathlib.Path(self.write("own", "own")), self.folder / "a.csv"

@@ -276,6 +276,12 @@ class Functions(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, "^embedded null character$"):
                 call()
 
+    def test_texts_of_errors_have_no_control_characters(self):
+        with self.assertRaises(apron.Error) as caught:
+            apron.compile("!register(A)\nA = ('\u202eab\x9bä')\n")
+        self.assertIn("('?ab?ä')\n", str(caught.exception))
+        self.assertNotRegex(str(caught.exception), "[\x80-\x9f\u202e]")
+
     def test_errors_name_the_place(self):
         (self.folder / "wrong.aps").write_text("!register(A)\nA = B + 1\n")
         with self.assertRaises(apron.Error) as caught:

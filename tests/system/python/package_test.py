@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import pathlib
 import pickle
+import random
 import re
 import signal
 import subprocess
@@ -690,6 +691,17 @@ class Errors(ExperimentTest):
         s.reset(1)
         self.assertEqual(s.state_hash, lucky)
         s.step()
+
+    def test_texts_of_errors_have_no_control_characters(self):
+        source = random.Random(8)
+        marks = [*range(0x7f, 0xa0), *range(0x2028, 0x202f), *range(0x2066, 0x206a), 0x61c, 0x200e, 0x200f]
+        for _ in range(20):
+            codes = [source.choice((source.randrange(1, 0x20), source.choice(marks), source.randrange(0x20, 0x7f), 0xe4, 0x1f642)) for _ in range(30)]
+            text = "".join("\\u{%x}" % code for code in codes)
+            shown = "".join(" " if code < 0x20 or code == 0x7f else "?" if code in marks else chr(code) for code in codes)
+            with self.assertRaises(smartsurf.Error) as caught:
+                smartsurf.Simulation(self.script(f'error("{text}|")\nsurface {{ rows = 4, columns = 4 }}\n'))
+            self.assertTrue(str(caught.exception).endswith(f"experiment.lua:1: {shown}|"), (str(caught.exception), shown))
 
     def test_errors_of_the_running_script(self):
         base = "surface { rows = 4, columns = 4, actuator = pin {} }\n"

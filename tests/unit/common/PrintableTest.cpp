@@ -29,6 +29,11 @@ TEST(Printable, KeepsEveryCharacterButControls) {
   }
 }
 
+TEST(Printable, LinesHaveBreaksAndTabs) {
+  EXPECT_EQ(printable_lines("a\tb\n\x1B[1m\r"), "a\tb\n?[1m?");
+  EXPECT_EQ(printable("a\tb\n"), "a?b?");
+}
+
 TEST(Printable, ReplacesEachByteThatIsNotUtf8) {
   EXPECT_EQ(printable("\x9B"
                       "31m"),

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
+#include <random>
 
 #include "smartsurf/record/plot/Plot.h"
 #include "tests/unit/smartsurf/record/PlotImage.h"
@@ -30,13 +32,13 @@ TEST(Chart, DrawsTextsThatAreNotUtf8) {
 
 class ChartFile : public testing::Test {
  protected:
-  void draw(const std::string& description) {
+  void draw(const std::string& description, const std::string& figure = "figure.png") {
     std::ofstream(out / "chart.json") << description;
-    write_chart(out / "chart.json", out / "figure.png");
+    write_chart(out / "chart.json", out / figure);
   }
-  std::string error_of(const std::string& description) {
+  std::string error_of(const std::string& description, const std::string& figure = "figure.png") {
     try {
-      draw(description);
+      draw(description, figure);
     } catch (const scene::InputError& error) {
       return std::string(error.what()).substr((out / "chart.json: ").string().size());
     }
@@ -311,6 +313,65 @@ TEST_F(ChartFile, MistakesAreNamed) {
       "panels[0].x.scale = 'log': must be linear, because no value is above 0");
   EXPECT_EQ(error_of(R"({"y": {"scale": "log"}, "layers": [{"mark": "point", "x": [1, 2], "y": [-1, 1]}]})"),
             "");
+}
+
+// Panels of any number and size: the largest figures are drawn in each format, larger ones refused.
+TEST_F(ChartFile, SizeIsLimited) {
+  std::mt19937 source(9);
+  const auto up_to = [&](int n) { return static_cast<int>(source() % n) + 1; };
+  const auto panels = [&](int count, int columns, int width, int height) {
+    const std::string panel = R"({"width": )" + std::to_string(width) + R"(, "height": )" +
+                              std::to_string(height) + R"(, "layers": [{"mark": "bar"}]})";
+    std::string text = R"({"columns": )" + std::to_string(columns) + R"(, "panels": [)" + panel;
+    for (int i = 1; i < count; ++i) text += "," + panel;
+    return text + "]}";
+  };
+  const std::string limits =
+      " points: must be at most 14400 wide and high, and have an area of at most 50 million square points";
+  int refused = 0, drawn = 0;
+  for (int i = 0; i < 60; ++i) {
+    const int count = up_to(120), columns = up_to(120), width = 149 + up_to(1000), height = 149 + up_to(500);
+    const int across = std::min(columns, count) * width, down = (count + columns - 1) / columns * height;
+    const bool is_too_large = across > 14400 || down > 14400 || static_cast<double>(across) * down > 5e7;
+    if (!is_too_large && ++drawn > 4) continue;
+    EXPECT_EQ(
+        error_of(panels(count, columns, width, height), i % 2 == 0 ? "figure.svg" : "figure.pdf"),
+        is_too_large ? "a figure of " + std::to_string(across) + " x " + std::to_string(down) + limits : "");
+    refused += is_too_large;
+  }
+  EXPECT_GT(refused, 20);
+  EXPECT_GT(drawn, 4);
+  for (const char* const figure : {"figure.svg", "figure.pdf", "figure.png"}) {
+    EXPECT_EQ(error_of(panels(96, 1, 150, 150), figure), "");
+    EXPECT_EQ(error_of(panels(97, 1, 150, 150), figure), "a figure of 150 x 14550" + limits);
+    EXPECT_EQ(error_of(panels(20'000, 1, 810, 454), figure), "a figure of 810 x 9080000" + limits);
+  }
+}
+
+// Also where the cells of a rect are larger or smaller than can be seen.
+TEST_F(ChartFile, AnyNumbersAreDrawnOrRefused) {
+  std::mt19937 source(4);
+  const auto number = [&] {
+    constexpr const char* kNumbers[] = {"0",      "1",       "-1",   "2.5", "0.001", "1e-9", "5e-324",
+                                        "-1e308", "1.7e308", "1e17", "2e9", "1e7",   "-4e4"};
+    return std::string(kNumbers[source() % std::size(kNumbers)]);
+  };
+  const auto pair = [&] { return "[" + number() + ", " + number() + "]"; };
+  const auto domain = [&] { return source() % 2 == 0 ? "{}" : R"({"domain": )" + pair() + "}"; };
+  int drawn = 0;
+  for (int i = 0; i < 150; ++i) {
+    const std::string text =
+        R"({"width": 200, "height": 150, "x": )" + domain() + R"(, "y": )" + domain() +
+        R"(, "layers": [{"mark": "rect", "values": [[0, 0, 0]], "colors": ["#112233"]}, {"mark": ")" +
+        (source() % 2 == 0 ? "line" : "point") + R"(", "point": true, "x": )" + pair() + R"(, "y": )" +
+        pair() + "}]}";
+    const std::string error = error_of(text, i % 3 == 0   ? "figure.svg"
+                                             : i % 3 == 1 ? "figure.pdf"
+                                                          : "figure.png");
+    EXPECT_TRUE(error.empty() || error.find(".domain: must be ") == 1) << text << error;
+    drawn += error.empty();
+  }
+  EXPECT_GT(drawn, 60);
 }
 
 TEST(Chart, RoundTickValues) {
