@@ -160,6 +160,9 @@ float PairSweep::time_of_overlap() const {
       const float distance = gap(part_a, part_b, a, b, travel_).distance;
       const float start = std::min(0.0F, distance + 0.25F * allowed);
       const float known = known_depth(part_a) + known_depth(part_b);
+      // How much deeper they may get until their side is unknown.
+      const float end = known / kKnownShare + distance;
+      if (end < 1e-3F * allowed) return;
       const float left = std::max(allowed + start, std::min(0.1F * allowed, known + start));
       Range range{start - 0.5F * left, start - 0.3F * left};
       // A range above the present distance would stop deep ones at once, also those that move apart or turn.
@@ -167,8 +170,6 @@ float PairSweep::time_of_overlap() const {
       range.high = std::min(range.high, distance - 0.1F * left);
       if (left < 0.1F * allowed) {
         // Beyond what is known, by half of what is left until their side is unknown.
-        const float end = known / kKnownShare + distance;
-        if (end < 1e-3F * allowed) return;
         range = {distance - 0.75F * end, distance - 0.5F * end};
       }
       first =
