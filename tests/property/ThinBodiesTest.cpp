@@ -68,8 +68,8 @@ TEST_P(ThinBodies, SticksThatLandOnCellsGainNoEnergy) {
   EXPECT_LT(greatest_gain, 0.02);
 }
 
-// Boards and sticks that pierce each other keep moving apart or through: a sweep against what they are in
-// already would hold them in the air, while they went on to gain speed.
+// Boards and sticks that pierce each other move on through each other, and are as fast as they move: held in the
+// air, they would go on to gain speed.
 TEST_P(ThinBodies, HeapsOfBoardsAndSticksFall) {
   constexpr int kDraws = 6, kBodies = 10;
   constexpr double kTop = 5;
