@@ -6,6 +6,7 @@
 // step.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -182,7 +183,10 @@ class NativeEngine final : public Engine {
     std::int32_t body;
     float fraction;
     DeltaPose motion;  // in the whole step; unused where joints hold the body
+    bool slows = false;
+    Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0};  // afterwards, if it slows
   };
+  std::array<Stop, 2> slow_down(std::array<std::int32_t, 2> pair, float fraction) const;
   std::vector<Stop> stops_;
   std::vector<std::vector<Stop>> stops_of_members_;
   std::vector<std::int32_t> hit_sleepers_;

@@ -280,11 +280,15 @@ void NativeEngine::stop_at_bodies(const Member& member) {
     const PairSweep sweep(bodies_, a, b, settings_.dt_s, motion_a, motion_b);
     // Bodies that move less do not pass each other, and their contacts push them apart.
     if (sweep.travel() < collision_.thinner_width(a, b)) return;
-    const float time_s = sweep.time_of_overlap();
-    if (time_s == PairSweep::kNever) return;
-    for (const auto& [i, motion] : {std::pair(a, motion_a), std::pair(b, motion_b)})
-      if (bodies_.is_active(i))
-        own.push_back({static_cast<std::int32_t>(i), time_s / settings_.dt_s, motion});
+    const PairSweep::Overlap overlap = sweep.find_overlap();
+    if (overlap.time_s != PairSweep::kNever)
+      for (const auto& [i, motion] : {std::pair(a, motion_a), std::pair(b, motion_b)})
+        if (bodies_.is_active(i))
+          own.push_back({static_cast<std::int32_t>(i), overlap.time_s / settings_.dt_s, motion});
+    if (!overlap.are_pierced) return;
+    for (const Stop& s : slow_down({static_cast<std::int32_t>(a), static_cast<std::int32_t>(b)},
+                                   collision_.thinner_width(a, b) / sweep.travel()))
+      if (bodies_.is_active(s.body)) own.push_back(s);
   });
   member.single([&] {
     for (int i = 0; i < member.member_count; ++i) {
@@ -295,8 +299,40 @@ void NativeEngine::stop_at_bodies(const Member& member) {
     std::ranges::sort(stops_, {}, [](const Stop& s) { return std::pair(s.body, s.fraction); });
     const auto later = std::ranges::unique(stops_, {}, &Stop::body);
     stops_.erase(later.begin(), later.end());
-    for (const Stop& s : stops_) solver_->set_motion(partition.row(s.body), s.motion, s.fraction);
+    for (const Stop& s : stops_) {
+      const int row = partition.row(s.body);
+      solver_->set_motion(row, s.motion, s.fraction);
+      if (s.slows) solver_->set_velocity(row, s.velocity, s.angular_velocity);
+    }
   });
+}
+
+// Bodies that have pierced each other move no farther through each other than the thinner one's width, and
+// keep the velocities that this leaves them: as contacts do not know on which side they are, nothing else
+// would slow what falls or flies through. The motion of both together stays as it is.
+std::array<NativeEngine::Stop, 2> NativeEngine::slow_down(std::array<std::int32_t, 2> pair,
+                                                          float fraction) const {
+  std::array<Stop, 2> stops;
+  Vec3 common_motion(0, 0, 0), common_velocity(0, 0, 0);
+  const auto row_of = [&](std::int32_t body) { return collision_.partition().row(body); };
+  const bool is_held = !bodies_.is_active(pair[0]) || !bodies_.is_active(pair[1]);
+  for (std::size_t k = 0; k < 2; ++k) {
+    stops[k] = {pair[k], fraction,
+                bodies_.is_active(pair[k]) ? solver_->motion(row_of(pair[k])) : DeltaPose{}};
+    if (is_held) continue;
+    const float share = bodies_.mass[pair[k]] / (bodies_.mass[pair[0]] + bodies_.mass[pair[1]]);
+    common_motion += share * Vec3(stops[k].motion.translation);
+    common_velocity += share * Vec3(solver_->velocity(row_of(pair[k])).velocity);
+  }
+  for (Stop& s : stops) {
+    if (!bodies_.is_active(s.body) || bodies_.is_jointed[s.body]) continue;
+    const BodyVelocity& v = solver_->velocity(row_of(s.body));
+    s.slows = true;
+    s.velocity = common_velocity + fraction * (Vec3(v.velocity) - common_velocity);
+    s.angular_velocity = fraction * Vec3(v.angular_velocity);
+    Eigen::Map<Vec3>(s.motion.translation) += (1.0F / fraction - 1.0F) * common_motion;
+  }
+  return stops;
 }
 
 // Bodies that joints connect stop together, where the first of them meets the field or another body: one that

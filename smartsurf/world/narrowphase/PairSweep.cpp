@@ -138,7 +138,7 @@ float PairSweep::time_of_impact() const {
   return first;
 }
 
-float PairSweep::time_of_overlap() const {
+PairSweep::Overlap PairSweep::find_overlap() const {
   // Depths up to which parts may overlap, and up to which the gap between them is known, and known to be on
   // the right side.
   const auto allowed_depth = [](const ConvexPart& part) {
@@ -151,7 +151,8 @@ float PairSweep::time_of_overlap() const {
     return kKnownShare * (part.hull != nullptr ? part.hull->convex_radius : part.shape.convex_radius);
   };
   const Placed a = a_.at(0.0F), b = b_.at(0.0F);
-  float first = kNever;
+  Overlap found;
+  float& first = found.time_s;
   for_each_part(a_.shape, [&](const ConvexPart& part_a) {
     for_each_part(b_.shape, [&](const ConvexPart& part_b) {
       const float allowed = allowed_depth(part_a) + allowed_depth(part_b);
@@ -160,6 +161,12 @@ float PairSweep::time_of_overlap() const {
       const float distance = gap(part_a, part_b, a, b, travel_).distance;
       const float start = std::min(0.0F, distance + 0.25F * allowed);
       const float known = known_depth(part_a) + known_depth(part_b);
+      // How much deeper they may get until their side is unknown.
+      const float end = known / kKnownShare + distance;
+      if (end < 1e-3F * allowed) {
+        found.are_pierced = true;
+        return;
+      }
       const float left = std::max(allowed + start, std::min(0.1F * allowed, known + start));
       Range range{start - 0.5F * left, start - 0.3F * left};
       // A range above the present distance would stop deep ones at once, also those that move apart or turn.
@@ -167,15 +174,13 @@ float PairSweep::time_of_overlap() const {
       range.high = std::min(range.high, distance - 0.1F * left);
       if (left < 0.1F * allowed) {
         // Beyond what is known, by half of what is left until their side is unknown.
-        const float end = known / kKnownShare + distance;
-        if (end < 1e-3F * allowed) return;
         range = {distance - 0.75F * end, distance - 0.5F * end};
       }
       first =
           std::min(first, advance(part_a, part_b, std::min(first, dt_s_), range, [](float) { return true; }));
     });
   });
-  return first;
+  return found;
 }
 
 void PairSweep::collide_at(float time_s, float margin, std::vector<Contact>& out) const {

@@ -30,8 +30,13 @@ class PairSweep {
   // start and do not approach are left out.
   float time_of_impact() const;
   // The time at which parts overlap that did not at the start, by more than contacts that hold let them;
-  // kNever if none do.
-  float time_of_overlap() const;
+  // kNever if none do. `are_pierced`: parts that overlap so far at the start that their sides are unknown,
+  // and which have no such time.
+  struct Overlap {
+    float time_s = kNever;
+    bool are_pierced = false;
+  };
+  Overlap find_overlap() const;
   // Appends the contacts of the bodies as they stand at that time, with separations up to `margin`, normals
   // from b to a, and anchors from the origin of a.
   void collide_at(float time_s, float margin, std::vector<Contact>& out) const;

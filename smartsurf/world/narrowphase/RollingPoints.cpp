@@ -24,6 +24,10 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   if (!shape.is_axisymmetric()) return {};
   const Vec3 axis = bodies.axes[body].col(2);
   const float along = from_origin.dot(axis), normal_along = normal.dot(axis);
+  // A speculative contact of a body that spins fast may lie far from it.
+  constexpr float kNear = 2.0F;
+  const float from_axis = (from_origin - along * axis).norm();
+  if (from_axis > kNear * shape.radius) return {};
   // On an edge or a corner of what it touches the normal is not across the axis.
   const Vec3 generatrix = (axis - normal_along * normal).normalized();
   if (shape.kind == scene::ShapeKind::kCapsule) {
@@ -35,7 +39,7 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   if (std::abs(normal_along) > kMaxAlong) return {};
   const Vec3 across = normal - normal_along * axis;
   constexpr float kMinRadius = 1e-4F;  // of a cone, near its tip
-  return {across.norm() / std::max(kMinRadius, (from_origin - along * axis).norm()), generatrix};
+  return {across.norm() / std::max(kMinRadius, from_axis), generatrix};
 }
 
 // One of the two bodies, or the ground.

@@ -111,13 +111,18 @@ ImpactSolver::Sides::Sides(const Step& step, const Manifold& m, const Contact& c
                                           c.anchor_time_s * (bodies.velocity(m.a) - bodies.velocity(m.b)));
 }
 
-Vec3 ImpactSolver::Sides::displacement_a() const {
-  return ConstVec(delta_a->translation) + ConstVec(delta_a->rotation).cross(anchor_a);
-}
+Vec3 ImpactSolver::Sides::displacement_a() const { return displacement(*delta_a, anchor_a); }
 
 Vec3 ImpactSolver::Sides::displacement_b(float dt_s) const {
-  if (delta_b == nullptr) return dt_s * surface_velocity;
-  return ConstVec(delta_b->translation) + ConstVec(delta_b->rotation).cross(anchor_b);
+  return delta_b == nullptr ? Vec3(dt_s * surface_velocity) : displacement(*delta_b, anchor_b);
+}
+
+// A point of a body that turns far stays on its arc: a straight path would lead it away from the body.
+Vec3 ImpactSolver::Sides::displacement(const DeltaPose& delta, const Vec3& anchor) {
+  constexpr float kFarTurn_rad = 0.25F;
+  const ConstVec translation(delta.translation), rotation(delta.rotation);
+  if (rotation.squaredNorm() < kFarTurn_rad * kFarTurn_rad) return translation + rotation.cross(anchor);
+  return translation + rotation_from_vector(rotation) * anchor - anchor;
 }
 
 float ImpactSolver::Sides::separation(const Contact& c, float dt_s) const {

@@ -97,6 +97,7 @@ class ImpactSolver {
     float separation(const Contact&, float dt_s) const;
 
    private:
+    static Vec3 displacement(const DeltaPose&, const Vec3& anchor);
     static Vec3 of_point(const BodyVelocity& v, const Vec3& anchor) {
       using ConstVec = Eigen::Map<const Vec3>;
       return ConstVec(v.velocity) + ConstVec(v.angular_velocity).cross(anchor);

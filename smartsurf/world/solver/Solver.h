@@ -78,6 +78,10 @@ class Solver {
       delta.rotation[axis] = fraction * motion.rotation[axis];
     }
   }
+  void set_velocity(int row, const Vec3& velocity, const Vec3& angular_velocity) {
+    Eigen::Map<Vec3>(velocity_[row].velocity) = velocity;
+    Eigen::Map<Vec3>(velocity_[row].angular_velocity) = angular_velocity;
+  }
   // Ends the motion of trees of joints earlier; see JointSolver::end_early().
   void move_back(JointSolver& joints, const BodyStore& bodies) {
     const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
