@@ -94,6 +94,8 @@ std::optional<program::Program> compile_program(const CompileOptions& options, s
   names.insert(names.end(), defines.begin(), defines.end());
   Lowering lowering({options.width, options.height}, sources, diagnostics, std::move(names),
                     preprocessor.is_original());
+  for (const syntax::Preprocessor::NamedModule& module : preprocessor.modules())
+    lowering.add_module(module.name, module.location);
   lowering.lower_program(statements);
   program::Program program = lowering.finish();
   if (diagnostics.empty()) check_definite_assignment(program, lowering, diagnostics);

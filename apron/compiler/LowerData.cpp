@@ -114,11 +114,14 @@ Operand Lowering::module_operand(const Expression& expression) {
   if (expression.kind != ExpressionKind::kModule && expression.kind != ExpressionKind::kString) {
     fail(expression.location, "expected '?', the module loaded last, or a module's name: plugin(?, n, …)");
   }
-  std::vector<std::string>& all = builder_.program().modules;
-  const auto found = std::ranges::find(all, expression.text);
-  const auto index = static_cast<std::uint32_t>(found - all.begin());
-  if (found == all.end()) all.push_back(expression.text);
-  return {OperandKind::kModule, index};
+  return {OperandKind::kModule, add_module(expression.text, expression.location)};
+}
+
+std::uint32_t Lowering::add_module(const std::string& name, Location location) {
+  std::vector<program::Module>& all = builder_.program().modules;
+  const auto [found, added] = module_indices_.try_emplace(name, static_cast<std::uint32_t>(all.size()));
+  if (added) all.push_back({name, builder_.make_source(location, sources_.file(location.file).name)});
+  return found->second;
 }
 
 void Lowering::emit_plugin_arguments(const Expressions& arguments, std::size_t first) {

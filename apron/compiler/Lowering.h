@@ -35,6 +35,8 @@ class Lowering {
   Lowering(Shape surface, const syntax::SourceManager&, syntax::Diagnostics&,
            std::vector<std::string> other_names, bool original = false);
 
+  // A module that the program loads, whether or not it calls it; its index.
+  std::uint32_t add_module(const std::string& name, syntax::Location);
   void lower_program(const std::vector<syntax::Statement>&);
   program::Program finish();
   const std::vector<ScalarRead>& scalar_reads() const noexcept { return scalar_reads_; }
@@ -345,6 +347,7 @@ class Lowering {
   std::map<std::uint32_t, std::uint32_t> machine_registers_;  // register to the file of its machine
   std::map<std::string, std::uint32_t> array_groups_;         // arrays that are indexed at run time
   std::map<std::string, std::uint32_t> group_indices_;        // classes that are indexed by number
+  std::map<std::string, std::uint32_t> module_indices_;
   bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own
 };

@@ -74,6 +74,7 @@ class ProgramBuilder {
   const syntax::Location& location() const noexcept { return location_; }
   // Expansions are added in the order of their numbers, from 0.
   void add_expansion(const syntax::ExpansionInfo& expansion, const std::string& file);
+  program::SourceLocation make_source(const syntax::Location& location, const std::string& file);
 
   // Fail when one of the limits of program/Program.h is hit.
   std::uint32_t add_register(std::string name, Shape);
@@ -143,7 +144,6 @@ class ProgramBuilder {
   std::size_t final_position(std::size_t position) const;
 
  private:
-  program::SourceLocation make_source(const syntax::Location& location, const std::string& file);
   void remove_live(const Value&);
   Value add_temporary(std::uint32_t storage, bool is_register);
   std::uint32_t storage(std::uint32_t index) const {

@@ -55,8 +55,8 @@ SizedProgram compile(const ProgramSource& source, std::uint32_t width, std::uint
 
 void require_no_modules(const program::Program& program) {
   if (program.modules.empty()) return;
-  throw common::UserError(program::format_module_call(program, 0) + "error: !module('" +
-                          program.modules.front() +
+  throw common::UserError(program::format_call_site(program, program.modules.front().location) +
+                          "error: !module('" + program.modules.front().name +
                           "'): native modules are not loaded here: use apron run --module");
 }
 

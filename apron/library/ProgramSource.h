@@ -27,7 +27,7 @@ struct SizedProgram {
 // "file:line:column: error: …", the line and a caret, for each error. Reads files; otherwise keeps no state.
 SizedProgram compile(const ProgramSource&, std::uint32_t width, std::uint32_t height);
 
-// Throws common::UserError for a program that calls native modules, with the place of its first call.
+// Throws common::UserError for a program with native modules, with the place that names the first.
 void require_no_modules(const program::Program&);
 
 // The values of sliders and switches, by name.

@@ -1,4 +1,4 @@
-// The place in the user's own text that an instruction comes from.
+// Places in the user's own text.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@ namespace apron::program {
 // "file:line: " of the instruction, or of the outermost call of the macros that it comes from; "" if unknown.
 std::string format_call_site(const Program&, std::size_t instruction);
 
-// The same of the first instruction that calls a module (an index of Program::modules).
-std::string format_module_call(const Program&, std::size_t module);
+// The same of a place.
+std::string format_call_site(const Program&, const SourceLocation&);
 
 }  // namespace apron::program

@@ -31,7 +31,7 @@ std::string operand_text(const Program& program, const Operand& operand) {
     case OperandKind::kGroup:
       return program.groups.at(operand.index).name;
     case OperandKind::kModule:
-      return fmt::format("module '{}'", program.modules.at(operand.index));
+      return fmt::format("module '{}'", program.modules.at(operand.index).name);
   }
   return "?";
 }

@@ -93,20 +93,26 @@ struct Filter {
   std::vector<float> coefficients;
 };
 
-// The registers or variables of a class in order, for instructions that select one by index or take all.
-struct OperandGroup {
-  std::string name;
-  bool is_variable_group = false;
-  std::vector<std::uint32_t> members;  // indices into registers or variables
-};
-
-// The source position of an instruction.
+// A place in the source.
 struct SourceLocation {
   std::uint32_t file = 0;              // into Program::files
   std::uint32_t line = 0, column = 0;  // 1-based
   std::uint32_t expansion = 0;         // into Program::expansions; 0 if not inside a macro
 
   bool operator==(const SourceLocation&) const = default;
+};
+
+// A plugin's shared object, which the host finds by its name.
+struct Module {
+  std::string name;
+  SourceLocation location;  // that names it first
+};
+
+// The registers or variables of a class in order, for instructions that select one by index or take all.
+struct OperandGroup {
+  std::string name;
+  bool is_variable_group = false;
+  std::vector<std::uint32_t> members;  // indices into registers or variables
 };
 
 // One expansion of a macro.
@@ -135,7 +141,7 @@ struct Program {
   std::vector<Parameter> parameters;
   std::vector<Filter> filters;
   std::vector<OperandGroup> groups;
-  std::vector<std::string> modules;  // names of plugin shared objects; the host resolves them
+  std::vector<Module> modules;  // that are loaded before the program runs
   std::vector<SourceLocation> source_locations;
   std::vector<std::string> files;      // file names as shown to the user
   std::vector<Expansion> expansions;   // empty without macros; element 0 is a placeholder for "none"

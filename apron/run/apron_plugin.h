@@ -1,8 +1,9 @@
 /* The C interface of shared objects that APRON programs call: !module('name'), then y = plugin(?, n, a, b).
  *
  * A module exports two functions with C linkage, apron_plugin_version and apron_plugin_call. It is loaded
- * once, before the program runs, and is called on the program's thread only. Pointers passed to a call are
- * valid only during the call. C++ exceptions must not leave a call. docs/extending.md has an example. */
+ * once, before the program runs, whether or not it is called, and is called on the program's thread only.
+ * Pointers passed to a call are valid only during the call. C++ exceptions must not leave a call.
+ * docs/extending.md has an example. */
 #ifndef APRON_PLUGIN_H
 #define APRON_PLUGIN_H
 
@@ -36,7 +37,8 @@ typedef struct apron_call {
   ptrdiff_t pitch;
   /* The destination scalar with its current value; null if the destination is not a scalar. */
   float* value;
-  /* The error message of a call that does not return 0: one line, NUL-terminated. */
+  /* The error message of a call that does not return 0: one line of UTF-8, NUL-terminated. Control characters
+   * become '?'. */
   char message[256];
 } apron_call;
 

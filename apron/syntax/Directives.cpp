@@ -643,8 +643,10 @@ void Preprocessor::handle_compatibility(const Tokens& tokens) {
 void Preprocessor::handle_module(const Tokens& tokens) {
   Arguments list;
   std::string name;
-  if (parse_arguments(tokens, 1, 1, list) && parse_string_argument(list[0], name, "a module's name"))
-    module_ = name;
+  if (!parse_arguments(tokens, 1, 1, list) || !parse_string_argument(list[0], name, "a module's name"))
+    return;
+  module_ = name;
+  modules_.push_back({std::move(name), list[0].front().location});
 }
 
 }  // namespace apron::syntax

@@ -122,6 +122,12 @@ class Preprocessor {
   std::string operator_target(const std::string& symbol) const;
   // The name of the last `!module`, or "". In a macro's body, the last one before the macro's definition.
   const std::string& module() const noexcept { return module_; }
+  // Every `!module`, in the order of the text.
+  struct NamedModule {
+    std::string name;
+    Location location;
+  };
+  const std::vector<NamedModule>& modules() const noexcept { return modules_; }
   std::size_t max_addr() const noexcept { return max_addr_; }
   // True after `!compatibility('original')`.
   bool is_original() const noexcept { return original_; }
@@ -232,6 +238,7 @@ class Preprocessor {
   std::set<std::string> writing_macros_;  // whose bodies write a name of the program or may run a routine
   std::map<MacroTable::Handle, BodyWrites> body_writes_;
   std::string module_;
+  std::vector<NamedModule> modules_;
   std::vector<MacroTable::Handle> assigning_plainly_;  // defined before the last `!operator(=, …)`
   bool original_ = false;
   std::string palette_;

@@ -220,7 +220,7 @@ Status Vm::push_plugin_argument(const DecodedInstruction& decoded) {
 }
 
 Status Vm::execute_plugin(const DecodedInstruction& decoded) {
-  const std::string& module = program_.modules[decoded.table_index];
+  const std::string& module = program_.modules[decoded.table_index].name;
   const double number = *decoded.scalars[1];
   if (!(number >= 0.0 && number < 1e9 && number == std::floor(number)))
     return fail(Status::kFailed,

@@ -32,7 +32,13 @@ std::string hash_of(std::string_view content) {
   return text.data();
 }
 
+constexpr std::string_view kLuaKeywords[] = {
+    "and", "break", "do",  "else", "elseif", "end",    "false",  "for",  "function", "goto",  "if",
+    "in",  "local", "nil", "not",  "or",     "repeat", "return", "then", "true",     "until", "while"};
+
+// What a script can write as a name.
 bool is_identifier(std::string_view name) {
+  if (std::ranges::find(kLuaKeywords, name) != std::end(kLuaKeywords)) return false;
   const auto is_part = [](unsigned char c) { return c < 0x80 && (std::isalnum(c) != 0 || c == '_'); };
   return !name.empty() && name.size() <= scene::kMaxSensorNameLength &&
          std::isdigit(static_cast<unsigned char>(name[0])) == 0 && std::ranges::all_of(name, is_part);
@@ -53,7 +59,7 @@ std::vector<scene::Parameter> read_parameters(const smartsurf_plugin_parameter* 
     const std::size_t dot = name.find('.');
     if (!is_identifier(name.substr(0, dot)) ||
         (dot != std::string::npos && !is_identifier(name.substr(dot + 1))))
-      refuse("its name must be letters, digits and _, or two such words with a dot");
+      refuse("its name must be letters, digits and _, and no keyword of Lua, or two such words with a dot");
     if (given.type >= std::size(kTypes)) refuse("no type " + std::to_string(given.type));
     scene::Parameter& parameter = parameters.emplace_back(
         scene::Parameter{.name = name,
@@ -68,6 +74,15 @@ std::vector<scene::Parameter> read_parameters(const smartsurf_plugin_parameter* 
       refuse("its default must be within its limits");
   }
   return parameters;
+}
+
+// Throws UserError for bits of which this program does not know what they ask of it.
+void require_known_flags(std::uint32_t flags, std::uint32_t known, const std::string& subject) {
+  if ((flags & ~known) == 0) return;
+  std::array<char, 11> text;
+  std::snprintf(text.data(), text.size(), "0x%x", flags & ~known);
+  throw common::UserError(subject + ": its flags have the bits " + text.data() +
+                          ": this program does not know them");
 }
 
 template <class Type>
@@ -140,15 +155,23 @@ void require_complete(const Type& type, const std::string& subject) {
       throw common::UserError(subject + ": channel '" + name + "': must have a name of its own, " +
                               scene::kChannelNameRule);
     names.push_back(name);
+    require_known_flags(channel.flags, SMARTSURF_EXACT, subject + ": channel '" + name + "'");
   }
 }
 
-void require_own_functions(const smartsurf_plugin_actuator& type, const std::string& subject) {
+void require_own_tables(const smartsurf_plugin_actuator& type, const std::string& subject) {
+  require_known_flags(
+      type.flags,
+      SMARTSURF_MOVES_TOPS | SMARTSURF_MOVES_SURFACE | SMARTSURF_LIMITS_FORCE | SMARTSURF_EXERTS_FORCES,
+      subject);
+  if ((type.flags & SMARTSURF_LIMITS_FORCE) != 0 && (type.flags & SMARTSURF_MOVES_TOPS) == 0)
+    throw common::UserError(subject + ": SMARTSURF_LIMITS_FORCE needs SMARTSURF_MOVES_TOPS");
   if (type.plan == nullptr || ((type.flags & SMARTSURF_EXERTS_FORCES) != 0 && type.add_forces == nullptr))
     throw common::UserError(subject + ": plan, and add_forces if it exerts forces, must not be null");
 }
 
-void require_own_functions(const smartsurf_plugin_sensor& type, const std::string& subject) {
+void require_own_tables(const smartsurf_plugin_sensor& type, const std::string& subject) {
+  require_known_flags(type.flags, SMARTSURF_NEEDS_IMPULSES, subject);
   if (type.sense == nullptr || type.mask_channel > type.channel_count)
     throw common::UserError(subject + ": sense must not be null, mask_channel a channel or 0");
 }
@@ -165,7 +188,8 @@ std::vector<std::string> common_fields(const smartsurf_plugin_sensor&) {
 // The name of an actuator or sensor of the extension `file`, as messages begin with it.
 std::string subject_of(const std::string& file, const char* what, const char* name) {
   if (name == nullptr || !is_identifier(name))
-    throw common::UserError(file + ": the name of its " + what + ": must be 1 to 27 letters, digits and _");
+    throw common::UserError(file + ": the name of its " + what +
+                            ": must be 1 to 27 letters, digits and _, and no keyword of Lua");
   if (scene::find_actuator_kind(name) != nullptr || scene::find_sensor_kind(name) != nullptr)
     throw common::UserError(file + ": " + what + " '" + name +
                             "': an actuator or sensor of this name exists already");
@@ -261,7 +285,7 @@ std::unique_ptr<Tables> read_tables(const smartsurf_plugin* plugin, const std::s
         throw common::UserError(subject + ": the extension has two of this name");
       names.emplace_back(type.name);
       tables->parameters.push_back(read_parameters(type.parameters, type.parameter_count, subject));
-      require_own_functions(type, subject);
+      require_own_tables(type, subject);
       require_valid(kind_of(type, tables->parameters.back()), common_fields(type));
     }
   };

@@ -99,6 +99,8 @@ void PluginActuator::plan(double dt_s, surface::Field& field) noexcept {
 const char* PluginActuator::refused_motion(std::uint32_t cell, const surface::Field& field) const noexcept {
   if (!std::isfinite(field.height[cell])) return "a height that is not finite";
   if (!std::isfinite(field.speed[cell])) return "a speed that is not finite";
+  if (!has(SMARTSURF_MOVES_TOPS) && field.speed[cell] != 0.0F)
+    return "a speed without the flag SMARTSURF_MOVES_TOPS";
   if (has_surface_velocity()) {
     if (!std::isfinite(field.surface_velocity_x[cell]) || !std::isfinite(field.surface_velocity_y[cell]))
       return "a surface velocity that is not finite";

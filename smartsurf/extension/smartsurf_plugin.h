@@ -127,8 +127,9 @@ typedef struct smartsurf_plugin_objects {
 enum smartsurf_plugin_actuator_flags {
   SMARTSURF_MOVES_TOPS = 1,    /* writes speed; the program then advances height */
   SMARTSURF_MOVES_SURFACE = 2, /* writes surface_velocity_x, surface_velocity_y and surface_spin */
-  /* Writes force_limit and no_load_speed: under a greater load a cell yields, down to min_height, where the
-   * frame carries the load. One that cannot rise from there waits for 0.1 s before it tries again. */
+  /* Needs SMARTSURF_MOVES_TOPS. Writes force_limit and no_load_speed: under a greater load a cell yields,
+   * down to min_height, where the frame carries the load. One that cannot rise from there waits for 0.1 s
+   * before it tries again. */
   SMARTSURF_LIMITS_FORCE = 4,
   SMARTSURF_EXERTS_FORCES = 8 /* has add_forces */
 };
@@ -154,7 +155,7 @@ typedef struct smartsurf_plugin_motion {
   const float* const* targets; /* by channel: rows × columns, within the channel's range */
   const float* impulse;        /* normal impulse on each cell in the last step, mass·u/s */
   float* height;               /* z of the tops, u; to be written by snap() only */
-  float* speed;                /* upward speed of the tops, u/s */
+  float* speed;                /* upward speed of the tops, u/s; must stay 0 without SMARTSURF_MOVES_TOPS */
   /* Velocity of the top's surface, u/s; null unless SMARTSURF_MOVES_SURFACE. */
   float *surface_velocity_x, *surface_velocity_y;
   float* surface_spin; /* of it about z, rad/s; likewise */

@@ -69,7 +69,7 @@ SMARTSURF_API void smartsurf_destroy(smartsurf_environment* environment);
 typedef struct smartsurf_result {
   size_t size;
   double reward;  /* reward() of the script; 0 without one */
-  int terminated; /* 1: success(), now or before, stop() or quit() of the script */
+  int terminated; /* 1: success(), stop() or quit() of the script, now or before */
   int truncated;  /* 1: episode.seconds are over */
   int success;    /* 1: success() has said so or, at the end, stop() or the metric `success` */
 } smartsurf_result;

@@ -258,8 +258,9 @@ std::vector<std::string> orient_shells(TriangleMesh& mesh) {
       ++flipped_count;
     }
   if (flipped_count > 0)
-    repairs.push_back(format_count(flipped_count, "triangle faced", "triangles faced") +
-                      " against its neighbours: flipped");
+    repairs.push_back(
+        format_count(flipped_count, "triangle faced against its", "triangles faced against their") +
+        " neighbours: flipped");
 
   const std::vector<Shell> shells = split_shells(mesh, orientation);
   if (shells.size() > kMaxShells)

@@ -57,6 +57,7 @@ class Defaulted {
   double number(const char* attribute, double otherwise) const {
     return with(attribute).number(attribute, otherwise);
   }
+  double magnitude(const char* attribute) const { return with(attribute).magnitude(attribute); }
   std::vector<double> numbers(const char* attribute, std::size_t least, std::size_t most) const {
     return with(attribute).numbers(attribute, least, most);
   }
@@ -81,11 +82,14 @@ class MjcfReader {
     for (const Element& e : mujoco.children("compiler")) read_compiler(e);
     for (const Element& e : mujoco.children("default")) read_defaults(e, "");
     for (const Element& e : mujoco.children("asset")) read_assets(e);
-    for (const Element& e : mujoco.children("worldbody")) {
+    const std::vector<Element> worlds = mujoco.children("worldbody");
+    for (const Element& e : worlds) collect_names(e);
+    for (const Element& e : worlds)
       for (const Placed& geom : placed_children(e, "geom", "main")) add_fixed_geom(geom);
+    for (const Element& e : worlds)
       for (const Placed& body : placed_children(e, "body", "main"))
         add_body(body.element, body.frame, -1, body.child_class);
-    }
+    if (model_.bodies.empty()) mujoco.refuse("has no bodies");
     if (inertia_from_geom_ != "false") return;
     for (const Body& body : model_.bodies)
       if (!body.fixed && !(body.inertial.mass > 0.0))
@@ -290,16 +294,25 @@ class MjcfReader {
     return g;
   }
 
-  // Geoms of the world and bodies have names of their own.
-  std::string name_of(const Element& e) {
-    std::set<std::string>& names = names_[e.tag()];
-    std::string name = e.text("name");
-    if (name.empty()) {
-      do name = e.tag() + std::to_string(++unnamed_);
-      while (names.contains(name));
-    } else if (!names.insert(name).second) {
-      e.refuse("there is another " + e.tag() + " of that name");
+  // As in MuJoCo, a name is unique among the elements of its type; a free joint is a joint.
+  void collect_names(const Element& parent) {
+    for (const Element& e : parent.children()) {
+      const std::string name = e.text("name"), type = e.is("freejoint") ? "joint" : e.tag();
+      if (!name.empty() && (type == "body" || type == "geom" || type == "joint") &&
+          !names_[type].insert(name).second)
+        e.refuse("there is another " + type + " of that name");
+      collect_names(e);
     }
+  }
+
+  // The element's name, or one that the file gives to no element.
+  std::string name_of(const Element& e) {
+    std::string name = e.text("name");
+    if (!name.empty()) return name;
+    int& count = e.is("joint") ? unnamed_joints_ : unnamed_;
+    const auto has_it = [&name](const auto& names) { return names.second.contains(name); };
+    do name = e.tag() + std::to_string(++count);
+    while (std::ranges::any_of(names_, has_it));
     return name;
   }
 
@@ -398,15 +411,15 @@ class MjcfReader {
     if (limited == "true" || (limited == "auto" && autolimits_ && e.has("range"))) {
       if (type == "ball") e.element().refuse("range: must be absent for the type ball, or limited='false'");
       const auto range = e.numbers("range", 2, 2);
+      if (range[1] < range[0])
+        e.with("range").refuse_value("range", "must be the lower limit, then the upper one");
       spec.limits = {range[0] * unit, range[1] * unit};
     }
-    spec.friction = e.number("frictionloss", 0.0);
-    const double stiffness = e.number("stiffness", 0.0), damping = e.number("damping", 0.0);
+    spec.friction = e.magnitude("frictionloss");
+    const double stiffness = e.magnitude("stiffness"), damping = e.magnitude("damping");
     if (stiffness != 0.0 || damping != 0.0)
       spec.spring = {stiffness, damping, e.number("springref", 0.0) * unit};
-    const std::string name = e.element().text("name");
-    model_.joints.push_back(
-        {e.element().where(), name.empty() ? "joint" + std::to_string(++unnamed_joints_) : name, spec});
+    model_.joints.push_back({e.element().where(), name_of(e.element()), spec});
   }
 
   double angle_unit_ = kDegree;
@@ -415,7 +428,7 @@ class MjcfReader {
   std::map<std::string, DefaultClass> classes_;
   std::map<std::string, Mesh> meshes_;
   std::map<std::string, Element> materials_;
-  std::map<std::string, std::set<std::string>> names_;  // by tag
+  std::map<std::string, std::set<std::string>> names_;  // of the file, by type
   int unnamed_ = 0, unnamed_joints_ = 0;
   Model model_;
 };

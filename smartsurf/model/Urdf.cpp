@@ -137,11 +137,15 @@ scene::JointSpec read_joint(const Element& e, const Pose& frame) {
   spec.axis = frame.orientation * direction.normalized();
   if (type != "continuous") {
     const Element limit = e.required_child("limit");
-    spec.limits = {limit.number("lower", 0.0), limit.number("upper", 0.0)};
+    const double lower = limit.number("lower", 0.0), upper = limit.number("upper", 0.0);
+    if (upper < lower)
+      limit.refuse("upper = " + scene::format_number(upper) +
+                   ": must not be below lower = " + scene::format_number(lower));
+    spec.limits = {lower, upper};
   }
   if (const Element dynamics = e.child("dynamics")) {
-    spec.friction = dynamics.number("friction", 0.0);
-    const double damping = dynamics.number("damping", 0.0);
+    spec.friction = dynamics.magnitude("friction");
+    const double damping = dynamics.magnitude("damping");
     if (damping != 0.0) spec.spring = {0.0, damping, 0.0};
   }
   return spec;

@@ -61,6 +61,10 @@ std::string Element::where() const {
 
 void Element::refuse(const std::string& clause) const { throw scene::InputError(where() + ": " + clause); }
 
+void Element::refuse_value(const char* attribute, const std::string& rule) const {
+  refuse(std::string(attribute) + "='" + shown(text(attribute)) + "': " + rule);
+}
+
 Element Element::required_child(const char* tag) const {
   const Element found = child(tag);
   if (!found) refuse(std::string("the element <") + tag + "> is missing");
@@ -102,11 +106,16 @@ std::vector<double> Element::numbers(const char* attribute, std::size_t least, s
     numbers.push_back(number);
   }
   if (!valid || numbers.size() < least)
-    refuse(std::string(attribute) + "='" + shown(text(attribute)) + "': must be " +
-           (most == 1
-                ? "a number"
-                : (least == most ? "" : std::to_string(least) + " to ") + std::to_string(most) + " numbers"));
+    refuse_value(attribute, "must be " + (most == 1 ? "a number"
+                                                    : (least == most ? "" : std::to_string(least) + " to ") +
+                                                          std::to_string(most) + " numbers"));
   return numbers;
+}
+
+double Element::magnitude(const char* attribute) const {
+  const double value = number(attribute, 0.0);
+  if (value < 0.0) refuse_value(attribute, "must not be below 0");
+  return value;
 }
 
 Eigen::Vector3d Element::vector(const char* attribute, const Eigen::Vector3d& otherwise) const {
@@ -118,7 +127,7 @@ Eigen::Vector3d Element::vector(const char* attribute, const Eigen::Vector3d& ot
 double Element::uniform_scale() const {
   const Eigen::Vector3d scale = vector("scale", Eigen::Vector3d::Ones());
   if (scale.x() != scale.y() || scale.x() != scale.z() || !(scale.x() > 0.0))
-    refuse("scale='" + shown(text("scale")) + "': must be three times the same number greater than 0");
+    refuse_value("scale", "must be three times the same number greater than 0");
   return scale.x();
 }
 

@@ -23,6 +23,8 @@ class Element {
   std::string where() const;
   // Throws scene::InputError, "FILE:LINE: <tag name='…'>: CLAUSE".
   [[noreturn]] void refuse(const std::string& clause) const;
+  // Likewise, of the attribute's value: "…: attribute='value': RULE".
+  [[noreturn]] void refuse_value(const char* attribute, const std::string& rule) const;
 
   // The first child of that tag; false if there is none.
   Element child(const char* tag) const { return {element_->FirstChildElement(tag), file_}; }
@@ -39,6 +41,8 @@ class Element {
   double number(const char* attribute, double otherwise) const {
     return has(attribute) ? number(attribute) : otherwise;
   }
+  // A number not below 0; 0 if absent.
+  double magnitude(const char* attribute) const;
   Eigen::Vector3d vector(const char* attribute, const Eigen::Vector3d& otherwise) const;
   // The attribute `scale`, three equal numbers greater than 0; 1 if absent.
   double uniform_scale() const;

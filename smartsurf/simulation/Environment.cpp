@@ -20,7 +20,7 @@ namespace smartsurf::simulation {
 namespace {
 
 struct Header {
-  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', '9'};
+  std::array<char, 8> magic{'s', 'm', 'a', 'r', 't', 's', 'r', 'a'};
   std::uint64_t hash = 0;  // of all that follows, to the end of the state
   std::uint64_t fingerprint = 0, seed = 0;
 };
@@ -173,6 +173,7 @@ std::string Environment::channel_difference(const script::Experiment& other) con
 void Environment::start_episode(std::uint64_t seed, const Values& values,
                                 std::optional<script::Experiment> experiment) {
   ending_.reset();
+  stopped_ = false;
   reached_s_.reset();
   simulation_.reset();
   if (draws_while_loading_ && !experiment) experiment = loaded(seed);
@@ -356,7 +357,7 @@ std::string Environment::save() {
   Simulation& s = running();
   std::string bytes(sizeof(Header), '\0');
   common::StateArchive archive(bytes);
-  archive(applied_values_, ending_, reached_s_);
+  archive(applied_values_, ending_, stopped_, reached_s_);
   experiment_->save(archive);
   s.archive(archive);
   Header header{.fingerprint = fingerprint_ ^ hash_of(engine_version_), .seed = seed()};
@@ -379,8 +380,9 @@ void Environment::restore(std::string_view bytes) {
   common::StateArchive archive(bytes.substr(sizeof header));
   Values values;
   std::optional<Ending> ending;
+  bool stopped = false;
   std::optional<double> reached_s;
-  archive(values, ending, reached_s);
+  archive(values, ending, stopped, reached_s);
   // Seed and parameters also determine faults, actuators, shapes, and the numbers that the script draws while
   // it loads.
   const bool restarts = !simulation_ || header.seed != seed() || values != applied_values_;
@@ -399,6 +401,7 @@ void Environment::restore(std::string_view bytes) {
   experiment_->restore(archive);
   simulation_->archive(archive);
   ending_ = std::move(ending);
+  stopped_ = stopped;
   reached_s_ = reached_s;
   failed_ = false;
 }
@@ -500,14 +503,14 @@ StepResult Environment::step(std::span<const std::byte> prefetched) {
     return advanced;
   });
   const ScriptRequests requests = s.take_requests();
-  result.terminated = reached_s_.has_value();
   result.truncated = !has_advanced || (end_tick_ && s.partial_snapshot().tick >= *end_tick_);
   // As in Run, which goes on after success().
   if (result.truncated) end(has_advanced ? "done" : "the controller exited");
   if (requests.stop || requests.quit) {
-    result.terminated = true;
+    stopped_ = true;
     end(outcome_of(requests), requests.success);
   }
+  result.terminated = stopped_ || reached_s_;
   result.success = has_succeeded();
   return result;
 }

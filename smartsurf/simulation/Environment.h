@@ -41,7 +41,7 @@ struct EnvironmentOptions {
 // The result of one step.
 struct StepResult {
   double reward = 0.0;
-  bool terminated = false;  // success(), now or before, stop() or quit() of the script
+  bool terminated = false;  // success(), stop() or quit() of the script, now or before
   bool truncated = false;   // episode.seconds or max_ticks are over
   bool success = false;     // Environment::has_succeeded()
 };
@@ -201,6 +201,7 @@ class Environment {
     void archive(common::StateArchive& a) { a(outcome, stop_success); }
   };
   std::optional<Ending> ending_;     // the first one of the episode
+  bool stopped_ = false;             // by stop() or quit(), in this episode
   std::optional<double> reached_s_;  // what success() returned when it first said so
 };
 

@@ -111,17 +111,16 @@ HostStatus LocalHost::wait(double seconds) {
 std::string LocalHost::load_modules(const program::Program& program,
                                     const std::vector<std::string>& permitted,
                                     const std::vector<std::string>& directories) {
-  const std::vector<std::string>& names = program.modules;
-  const auto report = [&](std::size_t module, const std::string& problem) {
-    return program::format_module_call(program, module) + "error: " + problem;
+  const auto report = [&](const program::Module& module, const std::string& problem) {
+    return program::format_call_site(program, module.location) + "error: " + problem;
   };
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (std::ranges::find(permitted, names[i]) == permitted.end())
-      return report(i, "!module('" + names[i] + "') loads native code: --module " + names[i] +
-                           " on the command line permits it");
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (const std::string problem = modules_.load(names[i], directories); !problem.empty())
-      return report(i, problem);
+  for (const program::Module& module : program.modules)
+    if (std::ranges::find(permitted, module.name) == permitted.end())
+      return report(module, "!module('" + module.name + "') loads native code: --module " + module.name +
+                                " on the command line permits it");
+  for (const program::Module& module : program.modules)
+    if (const std::string problem = modules_.load(module.name, directories); !problem.empty())
+      return report(module, problem);
   return {};
 }
 

@@ -62,8 +62,8 @@ class LocalHost : public vm::Host {
   double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
   vm::HostStatus wait(double seconds) override;
 
-  // Loads the modules that the program calls, if they are permitted; call before it runs. Returns an error
-  // message with the first call's place, or empty.
+  // Loads the program's modules, if they are permitted; call before it runs. Returns an error message with
+  // the place that names the module, or empty.
   std::string load_modules(const program::Program&, const std::vector<std::string>& permitted,
                            const std::vector<std::string>& directories);
   vm::HostStatus call_plugin(std::string_view module, int operation,

@@ -3,12 +3,14 @@
 #include <dlfcn.h>
 
 #include <array>
+#include <cstring>
 #include <filesystem>
 
 #include "apron/program/Program.h"
 #include "apron/run/apron_plugin.h"
 #include "common/arithmetic/StandardArithmetic.h"
 #include "common/files/ElfFile.h"
+#include "common/text/Printable.h"
 
 namespace apron::run {
 namespace {
@@ -80,9 +82,9 @@ std::string PluginModules::call(std::string_view module, int operation,
   call.pitch = to.pitch;
   call.value = value;
   if (found->second.call(&call) == 0) return {};
-  call.message[sizeof call.message - 1] = '\0';
+  const std::string message = common::printable({call.message, strnlen(call.message, sizeof call.message)});
   return "'" + std::string(module) + "', operation " + std::to_string(operation) + ": " +
-         (call.message[0] != '\0' ? call.message : "failed");
+         (message.empty() ? "failed" : message);
 }
 
 }  // namespace apron::run

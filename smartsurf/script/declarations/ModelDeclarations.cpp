@@ -206,7 +206,6 @@ void set_id(lua_State* L, const std::string& name, std::uint32_t id) {
 
 // Leaves {objects = {name = id}, joints = {name = id}} on the stack.
 void add_model(ScriptContext& context, lua_State* L, const model::Model& m, const Placement& at) {
-  if (m.bodies.empty()) throw ScriptError("the model has no bodies");
   lua_createtable(L, 0, 2);
   lua_createtable(L, 0, static_cast<int>(m.bodies.size()));
   std::vector<std::optional<scene::ObjectId>> ids;

@@ -1,6 +1,7 @@
 #include "smartsurf/script/lua/Userdata.h"
 
 #include <algorithm>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -9,18 +10,27 @@
 namespace smartsurf::script {
 namespace {
 
-// Called with names that the table of methods lacks. Upvalues: the table of methods, the property function or
-// nil, the type's name.
+void push_functions(lua_State* L, std::span<const luaL_Reg> functions) {
+  lua_createtable(L, 0, static_cast<int>(functions.size()));
+  for (const luaL_Reg& function : functions) {
+    lua_pushcfunction(L, function.func);
+    lua_setfield(L, -2, function.name);
+  }
+}
+
+// Called with names that the table of methods lacks. Upvalues: the tables of methods and of properties, the
+// type's name.
 int index_metamethod(Sandbox&, lua_State* L) {
   lua_settop(L, 2);
-  if (!lua_isnil(L, lua_upvalueindex(2))) {
-    lua_pushvalue(L, lua_upvalueindex(2));
-    lua_pushvalue(L, 2);
-    lua_call(L, 1, 1);
-    if (!lua_isnil(L, -1)) return 1;
+  lua_pushvalue(L, 2);
+  if (lua_rawget(L, lua_upvalueindex(2)) == LUA_TFUNCTION) {
+    lua_call(L, 0, 1);
+    return 1;
   }
   const std::string type = lua_tostring(L, lua_upvalueindex(3));
-  const std::vector<std::string> names = string_keys(L, lua_upvalueindex(1));
+  std::vector<std::string> names = string_keys(L, lua_upvalueindex(1));
+  std::ranges::copy(string_keys(L, lua_upvalueindex(2)), std::back_inserter(names));
+  std::ranges::sort(names);
   std::string hint;
   if (lua_type(L, 2) == LUA_TSTRING) hint = did_you_mean(lua_tostring(L, 2), names);
   throw ScriptError(type + ": has no " + format_value(L, 2) +
@@ -44,21 +54,14 @@ int handle_to_string(Sandbox&, lua_State* L) {
 }  // namespace
 
 void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
-                            lua_CFunction property) {
+                            std::span<const luaL_Reg> properties) {
   luaL_newmetatable(L, type);
-  lua_newtable(L);
-  for (const luaL_Reg& method : methods) {
-    lua_pushcfunction(L, method.func);
-    lua_setfield(L, -2, method.name);
-  }
+  push_functions(L, methods);
   // Lua finds a method in the table without a call; a reward function looks one up in each step of each
   // world.
   lua_createtable(L, 0, 1);
   lua_pushvalue(L, -2);
-  if (property != nullptr)
-    lua_pushcfunction(L, property);
-  else
-    lua_pushnil(L);
+  push_functions(L, properties);
   lua_pushstring(L, type);
   lua_pushcclosure(L, guarded<index_metamethod>, 3);
   lua_setfield(L, -2, "__index");

@@ -9,11 +9,10 @@
 
 namespace smartsurf::script {
 
-// Creates the metatable `type` with `methods`. If `property` is not null, it is called for other names as
-// property(name) and returns what all values of the type have under that name, or nil for an unknown one,
-// which is an error.
+// Creates the metatable `type` with `methods`. A property is a function of no arguments, which returns what
+// all values of the type have under its name. Other names are errors.
 void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
-                            lua_CFunction property = nullptr);
+                            std::span<const luaL_Reg> properties = {});
 
 // A handle is userdata that holds the id of an object or a joint; its type is "object" or "joint". Handles of
 // equal ids are equal.

@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "smartsurf/script/lua/MeteredLibrary.h"
+
 namespace smartsurf::script {
 namespace {
 
@@ -48,7 +50,7 @@ int tostring(Sandbox&, lua_State* L) {
   return 1;
 }
 
-// Upvalue: Lua's string.format. Converts the arguments that Lua would show by their addresses.
+// Wraps Lua's string.format. Converts the arguments that Lua would show by their addresses.
 int format(Sandbox& sandbox, lua_State* L) {
   std::size_t length = 0;
   const char* const text = luaL_checklstring(L, 1, &length);
@@ -80,10 +82,7 @@ int format(Sandbox& sandbox, lua_State* L) {
   }
   lua_pushlstring(L, pattern.data(), pattern.size());
   lua_replace(L, 1);
-  lua_pushvalue(L, lua_upvalueindex(1));
-  lua_insert(L, 1);
-  lua_call(L, lua_gettop(L) - 1, 1);
-  return 1;
+  return call_wrapped(L);
 }
 
 }  // namespace
@@ -107,9 +106,7 @@ void push_value_text(lua_State* L, int index) {
 void bind_value_text(lua_State* L) {
   lua_register(L, "tostring", guarded<tostring>);
   lua_getglobal(L, LUA_STRLIBNAME);
-  lua_getfield(L, -1, "format");
-  lua_pushcclosure(L, guarded<format>, 1);
-  lua_setfield(L, -2, "format");
+  wrap_field(L, "format", guarded<format>);
   lua_pop(L, 1);
   // An open file has a method of its own, which shows its address.
   if (luaL_getmetatable(L, LUA_FILEHANDLE) == LUA_TTABLE) {

@@ -167,18 +167,21 @@ int centre(ScriptContext& context, lua_State* L) {
   return 2;
 }
 
-int property(ScriptContext& context, lua_State* L) {
-  const std::string name = lua_type(L, 1) == LUA_TSTRING ? lua_tostring(L, 1) : "";
-  const scene::SurfaceSpec& surface = context.spec.surface;
-  if (name == "rows" || name == "columns" || name == "pitch") require_surface(context, "cells." + name);
-  if (name == "rows")
-    lua_pushinteger(L, surface.rows);
-  else if (name == "columns")
-    lua_pushinteger(L, surface.columns);
-  else if (name == "pitch")
-    lua_pushnumber(L, surface.pitch);
-  else
-    lua_pushnil(L);
+int rows(ScriptContext& context, lua_State* L) {
+  require_surface(context, "cells.rows");
+  lua_pushinteger(L, context.spec.surface.rows);
+  return 1;
+}
+
+int columns(ScriptContext& context, lua_State* L) {
+  require_surface(context, "cells.columns");
+  lua_pushinteger(L, context.spec.surface.columns);
+  return 1;
+}
+
+int pitch(ScriptContext& context, lua_State* L) {
+  require_surface(context, "cells.pitch");
+  lua_pushnumber(L, context.spec.surface.pitch);
   return 1;
 }
 
@@ -190,7 +193,9 @@ void bind_cells(lua_State* L) {
                                               {"sense", guarded<sense>},
                                               {"truth", guarded<truth>},
                                               {"centre", guarded<centre>}}};
-  register_userdata_type(L, kTypeName, kMethods, guarded<property>);
+  constexpr std::array<luaL_Reg, 3> kProperties{
+      {{"rows", guarded<rows>}, {"columns", guarded<columns>}, {"pitch", guarded<pitch>}}};
+  register_userdata_type(L, kTypeName, kMethods, kProperties);
   lua_newuserdatauv(L, 0, 0);
   luaL_setmetatable(L, kTypeName);
   lua_setglobal(L, "cells");

@@ -69,13 +69,17 @@ int info(ScriptContext& context, lua_State* L) {
     if (context.info.size() >= kMaxInfoFields) throw ScriptError("info: more than 1000 fields");
     lua_getfield(L, 1, name.c_str());
     InfoField field{.name = name, .object = {}, .callback = -1};
-    if (lua_type(L, -1) == LUA_TFUNCTION)
+    if (lua_type(L, -1) == LUA_TFUNCTION) {
       field.callback = store_callback(context, L, -1, subject);
-    else if (lua_isinteger(L, -1) != 0)
-      field.object = static_cast<scene::ObjectId>(
-          check_integer(L, -1, subject, 0, static_cast<std::int64_t>(context.spec.objects.size()) - 1));
-    else
+    } else if (lua_isinteger(L, -1) != 0) {
+      const lua_Integer id = lua_tointeger(L, -1);
+      if (id < 0 || id >= std::ssize(context.spec.objects))
+        throw ScriptError(subject + " = " + std::to_string(id) +
+                          ": there is no such object; create it before info{}");
+      field.object = static_cast<scene::ObjectId>(id);
+    } else {
       throw_invalid_value(L, -1, subject, "the id of an object or a function");
+    }
     context.info.push_back(std::move(field));
     lua_pop(L, 1);
   }

@@ -55,13 +55,19 @@ int time(ScriptContext& context, lua_State* L) {
 }
 
 // metric('error', 0.3) reports a result of the experiment. The last value of a name counts.
-// metric('error', function() … end) declares one whose value the function computes after each tick.
+// metric('error', function() … end) declares one whose value the function computes after each tick, which
+// nothing else may give.
 int metric(ScriptContext& context, lua_State* L) {
   const std::string name = check_string(L, 1, "metric: name");
   if (name.empty() || name.size() > 64)
     throw_invalid_value(L, 1, "metric: name", "a string of 1 to 64 characters");
   const bool is_function = lua_isfunction(L, 2);
   if (is_function) require_loading(context, "metric: a function");
+  const std::string shown = "metric '" + name + "'";
+  if (is_function)
+    declare_once(context, L, shown);
+  else if (const auto function = context.declared_at.find(shown); function != context.declared_at.end())
+    throw ScriptError(shown + ": already declared at " + function->second + ", as a function");
   const double value =
       is_function ? std::numeric_limits<double>::quiet_NaN() : check_number(L, 2, "metric: value");
   auto existing = std::ranges::find(context.metrics, name, &scene::Metric::first);

@@ -59,7 +59,13 @@ scene::JointSpec read_joint(lua_State* L) {
   fields.visit("a", [&](int i, const std::string& name) { spec.a = check_joined_object(L, i, name); });
   fields.visit("b", [&](int i, const std::string& name) { spec.b = check_joined_object(L, i, name); });
   fields.read_required("anchor", spec.anchor);
-  if (spec.has_coordinate()) fields.read_required("axis", spec.axis);
+  if (spec.has_coordinate())
+    fields.read_required("axis", spec.axis);
+  else
+    fields.visit("axis", [&](int, const std::string& name) {
+      throw ScriptError(name + ": a " + scene::kJointKindNames[static_cast<int>(spec.kind)] +
+                        " joint has none; only hinge and slider do");
+    });
   fields.visit("limits", [&](int i, const std::string& name) {
     const auto limits = check_numbers(L, i, name, 2, "{lower, upper}");
     spec.limits = {limits[0], limits[1]};

@@ -57,6 +57,8 @@ int apron_plugin_call(apron_call* call) {
       if (call->value == NULL) return fail_call(call, "writes a scalar");
       *call->value = calls;
       return 0;
+    case 4:
+      return fail_call(call, "two\nlines\x1b[31m");
     default:
       return fail_call(call, "there is no such operation");
   }

@@ -93,7 +93,7 @@ template <class Bytes, class Whole>
 void names(Bytes& bytes, Whole& program) {
   const auto one_text = [&](auto& t) { text(bytes, t); };
   list(bytes, program.texts, one_text);
-  list(bytes, program.modules, one_text);
+  list(bytes, program.modules, [&](auto& module) { text(bytes, module.name); });
   list(bytes, program.files, one_text);
   list(bytes, program.source_locations, [&](auto& s) {
     bytes.number(s.file, 2);

@@ -236,6 +236,8 @@ class Refusals(Installed):
         self.assertIn("actuator 'pin': an actuator or sensor of this name exists already",
                       self.refuse("belt.c", ('.name = "belt"', '.name = "pin"')))
         self.assertIn("the name of its actuator: must be 1 to 27", self.refuse("belt.c", ('.name = "belt"', '.name = "my belt"')))
+        self.assertIn("and no keyword of Lua", self.refuse("belt.c", ('.name = "belt"', '.name = "end"')))
+        self.assertIn("and no keyword of Lua", self.refuse("belt.c", ('"max_speed"', '"group.end"')))
         for name in ("latency", "position", "max_acceleration", "max_acceleration.x"):
             self.assertIn("'belt' has two fields '", self.refuse("belt.c", ('"max_speed"', f'"{name}"')))
         for name in ("noise", "name"):
@@ -263,6 +265,11 @@ class Refusals(Installed):
         self.assertIn("create and destroy must not be null", self.refuse("belt.c", (".destroy = free,", "")))
         self.assertIn("plan, and add_forces if it exerts forces, must not be null", self.refuse("belt.c", (".plan = plan,", "")))
         self.assertIn("needs a finite range that holds its neutral value", self.refuse("belt.c", ("minimum = -values", "minimum = 2 * values")))
+        moves = ".flags = SMARTSURF_MOVES_SURFACE"
+        self.assertIn("actuator 'belt': its flags have the bits 0x30: this program does not know them",
+                      self.refuse("belt.c", (moves, f"{moves} | 0x30")))
+        self.assertIn("channel 'speed': its flags have the bits 0x2: ", self.refuse("speed.c", ('"u/s", 0, 100, 0, 0', '"u/s", 0, 100, 0, 2')))
+        self.assertIn("SMARTSURF_LIMITS_FORCE needs SMARTSURF_MOVES_TOPS", self.refuse("belt.c", (moves, f"{moves} | SMARTSURF_LIMITS_FORCE")))
         self.assertIn("adds no actuator and no sensor", self.refuse("belt.c", (".actuator_count = 1", ".actuator_count = 0")))
 
     def test_failures_during_a_run(self):

@@ -195,7 +195,7 @@ TEST(Verify, RejectsInvalidNeighbourhoodsTablesAndClasses) {
     Program program = with({std::move(instruction)});
     program.filters = {{"k", 3, 1, {1, 2, 3}}};
     program.groups = {{"pe", false, {0, 1}}, {"n", true, {0}}};
-    program.modules = {"m"};
+    program.modules = {{"m", {}}};
     if (change) change(program);
     return verify(program);
   };

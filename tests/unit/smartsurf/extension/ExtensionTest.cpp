@@ -174,6 +174,19 @@ TEST(Extension, OutputsThatAreNoNumbersEndTheRun) {
   }
 }
 
+TEST(Extension, SpeedsOfTopsThatRestEndTheRun) {
+  const std::string surface = "surface { rows = 8, columns = 8, actuator = rester { speed = ";
+  make(surface + "0 } }").step();
+  try {
+    make(surface + "1 } }").step();
+    FAIL();
+  } catch (const scene::InputError& error) {
+    EXPECT_STREQ(error.what(),
+                 "probe.lua: failed at tick 1: the actuator of row 2, column 2 gives it a speed without the "
+                 "flag SMARTSURF_MOVES_TOPS");
+  }
+}
+
 TEST(Extension, OverloadedCellsRestOnTheirLowerStop) {
   for (const char* force : {"0.1", "1e-37", "0"})
     for (const char* speed : {"0", "0.5", "-3"})

@@ -130,6 +130,12 @@ static void press(void* instance, double dt_s, const float* height, const smarts
   if (l->context.values[WRONG].x == 7) wrenches[6 * (objects->count - 1) + 4] = NAN;
 }
 
+// ---- rester: tops that rest, whatever speed it writes.
+static void plan_rester(void* instance, const smartsurf_plugin_motion* motion) {
+  const lifters* l = instance;
+  motion->speed[l->context.cells[9]] = (float)l->context.values[0].x;
+}
+
 // ---- census: the average force on each cell; the number of spheres; values that the program must replace.
 static const smartsurf_plugin_channel census_channels[] = {
     {sizeof(smartsurf_plugin_channel), 1, "", "mass*u/s^2", 0, 1e6, 0, 0},
@@ -207,6 +213,17 @@ static void sense_census(void* instance, const smartsurf_plugin_scene* scene, fl
 static const smartsurf_plugin_actuator actuators[] = {
     {
         .size = sizeof(smartsurf_plugin_actuator),
+        .name = "rester",
+        .parameters = presser_parameters,
+        .parameter_count = 1,
+        .channels = lifter_channels,
+        .channel_count = 1,
+        .create = create_presser,
+        .destroy = free,
+        .plan = plan_rester,
+    },
+    {
+        .size = sizeof(smartsurf_plugin_actuator),
         .flags =
             SMARTSURF_MOVES_TOPS | SMARTSURF_MOVES_SURFACE | SMARTSURF_LIMITS_FORCE | SMARTSURF_EXERTS_FORCES,
         .name = "presser",
@@ -257,7 +274,7 @@ static const smartsurf_plugin_sensor sensors[] = {{
 static const smartsurf_plugin plugin = {.size = sizeof plugin,
                                         .version = SMARTSURF_PLUGIN_VERSION,
                                         .actuators = actuators,
-                                        .actuator_count = 2,
+                                        .actuator_count = 3,
                                         .sensors = sensors,
                                         .sensor_count = 1};
 

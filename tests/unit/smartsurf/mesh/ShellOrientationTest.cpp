@@ -28,6 +28,15 @@ TEST(Shells, FlipsInsideOutMesh) {
   EXPECT_DOUBLE_EQ(volume_of(mesh), 1.0);
 }
 
+TEST(Shells, CountsFlippedTriangles) {
+  TriangleMesh mesh = cube();
+  std::swap(mesh.triangles[5][0], mesh.triangles[5][1]);
+  TriangleMesh two = mesh;
+  std::swap(two.triangles[8][0], two.triangles[8][1]);
+  EXPECT_EQ(orient_shells(mesh).front(), "1 triangle faced against its neighbours: flipped");
+  EXPECT_EQ(orient_shells(two).front(), "2 triangles faced against their neighbours: flipped");
+}
+
 TEST(Shells, FlipsSingleTriangle) {
   for (std::size_t wrong = 0; wrong < 12; ++wrong) {
     TriangleMesh mesh = cube();

@@ -63,6 +63,9 @@ TEST_F(JointBindingsTest, RefusesWhatCannotBe) {
             "t.lua:2: joint.b = 2: must be another object than a");
   EXPECT_EQ(joint_error("kind = 'ball', a = 0, anchor = {0, 0, 0}, limits = {0, 1}"),
             "t.lua:2: joint.limits: a ball joint has none; only hinge and slider do");
+  for (const std::string kind : {"ball", "fixed"})
+    EXPECT_EQ(joint_error("kind = '" + kind + "', a = 0, anchor = {0, 0, 0}, axis = {0, 0, 1}"),
+              "t.lua:2: joint.axis: a " + kind + " joint has none; only hinge and slider do");
   EXPECT_EQ(joint_error("kind = 'hinge', a = 0, anchor = {0, 0, 0}, axis = {0, 0, 0}"),
             "t.lua:2: joint.axis: must not be zero");
   EXPECT_EQ(joint_error("kind = 'hinge', a = 0, anchor = {0, 0, 0}, axis = {0, 0, 1}, limits = {2, 1}"),

@@ -1,8 +1,10 @@
 // urdf{} and mjcf{}: what becomes of the files, their units, and the messages of broken ones.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <random>
 
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "tests/unit/smartsurf/script/ScriptFixture.h"
@@ -237,17 +239,55 @@ TEST_F(ModelsTest, MjcfLaterCompilersReplaceTheAttributesOfEarlierOnes) {
   EXPECT_EQ(back.joints[0].limits->upper, plain.joints[0].limits->upper);
 }
 
-// Names are unique among the elements of a type. Those of elements without one are none of the file's.
+// Names are unique among the elements of a type.
 TEST_F(ModelsTest, MjcfGeomsAndBodiesMayHaveTheSameName) {
   write("m.xml",
-        "<mujoco><worldbody><geom name='x' size='1'/><body name='x'><freejoint/><geom size='1'/></body>"
-        "<body><freejoint/><geom size='1'/></body><body name='body1'><freejoint/><geom size='1'/></body>"
-        "<body name='body2'><freejoint/><geom size='1'/></body><body><freejoint/><geom size='1'/></body>"
-        "</worldbody></mujoco>");
-  load_on_surface(
-      "local m = mjcf{file = 'm.xml', position = {0, 0, 0}}\n"
-      "print(m.objects.x, m.objects.body1, m.objects.body2, m.objects.body3)");
-  EXPECT_EQ(printed, "1\t3\t4\t5\n");
+        "<mujoco><worldbody><body name='x'><freejoint name='x'/><geom size='1'/></body></worldbody>"
+        "<worldbody><geom name='x' size='1'/></worldbody></mujoco>");
+  load_on_surface("print(mjcf{file = 'm.xml', position = {0, 0, 0}}.objects.x)");
+  EXPECT_EQ(printed, "1\n");
+}
+
+// Whichever elements the file names, also as the importer would, every object and joint has its own name.
+TEST_F(ModelsTest, MjcfElementsWithoutANameGetOneThatIsNotTheFiles) {
+  constexpr int kCount = 6;  // of geoms, bodies and joints
+  for (unsigned seed = 0; seed < 30; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const auto names_from = [&](const std::vector<std::string>& types, std::size_t count) {
+      std::vector<std::string> names(2 * count);
+      for (std::size_t i = 0; i < names.size(); ++i)
+        names[i] = types[i % types.size()] + std::to_string(1 + i / types.size());
+      std::ranges::shuffle(names, random);
+      names.resize(count);
+      for (std::string& name : names)
+        if (random() % 2 == 0) name.clear();
+      return names;
+    };
+    const std::vector<std::string> objects = names_from({"geom", "body"}, 2 * kCount),
+                                   joints = names_from({"joint"}, kCount);
+    const auto attribute = [](const std::string& name) { return name.empty() ? "" : " name='" + name + "'"; };
+    std::string geoms, bodies;
+    for (int k = 0; k < kCount; ++k) {
+      geoms += "<geom size='1'" + attribute(objects[k]) + "/>";
+      bodies += "<body" + attribute(objects[kCount + k]) + "><joint" + attribute(joints[k]) +
+                "/><geom size='1'/></body>";
+    }
+    write("m.xml", "<mujoco><worldbody>" + geoms + bodies + "</worldbody></mujoco>");
+    printed.clear();
+    load_on_surface(
+        "local m = mjcf{file = 'm.xml', position = {0, 0, 0}}\n"
+        "for _, ids in ipairs{m.objects, m.joints} do\n"
+        "for name, id in pairs(ids) do print(id, name) end print(-1, 'end') end");
+    std::istringstream lines(printed);
+    for (const std::vector<std::string>& given : {objects, joints}) {
+      std::vector<std::string> found(given.size());
+      std::string name;
+      for (int id; lines >> id >> name && id >= 0;) found.at(id) = name;
+      for (std::size_t id = 0; id < given.size(); ++id)
+        EXPECT_TRUE(!found[id].empty() && (given[id].empty() || found[id] == given[id])) << id << found[id];
+    }
+  }
 }
 
 // The numbers are MuJoCo's.
@@ -332,6 +372,12 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
             "2: <joint name='j'>: type='planar': must be fixed, revolute, continuous, prismatic or floating"},
            {link + "<joint name='j' type='fixed'><parent link='l'/><child link='l'/></joint>",
             "1: <robot name='r'>: has 0 links without a parent: must be one, the root"},
+           {link + "<link name='m'/><joint name='j' type='revolute'><parent link='l'/><child link='m'/>\n"
+                   "<limit upper='-2'/></joint>",
+            "3: <limit>: upper = -2: must not be below lower = 0"},
+           {link + "<link name='m'/><joint name='j' type='continuous'><parent link='l'/><child link='m'/>\n"
+                   "<dynamics damping='-2'/></joint>",
+            "3: <dynamics>: damping='-2': must not be below 0"},
            {"<link name='l'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='9'/></inertial>"
             "<collision><geometry><sphere radius='1'/></geometry></collision></link>",
             "2: <link name='l'>: inertia, whose greatest principal moment = 9: must be at most the sum of "
@@ -387,13 +433,26 @@ TEST_F(ModelsTest, FilesErrorsNameLineAndElement) {
            {"<worldbody><body><geom size='1' quat='1 0 0 0' euler='1 2 3'/></body></worldbody>",
             "2: <geom>: has several orientations: must be one of quat, axisangle, euler, zaxis and xyaxes"},
            {"<worldbody><geom name='a' size='1'/>\n<geom name='a' size='1'/></worldbody>",
-            "3: <geom name='a'>: there is another geom of that name"}})
+            "3: <geom name='a'>: there is another geom of that name"},
+           {"<worldbody><body><joint name='a'/><geom size='1'/></body><body>\n<freejoint name='a'/>"
+            "<geom size='1'/></body></worldbody>",
+            "3: <freejoint name='a'>: there is another joint of that name"},
+           {"<worldbody><geom type='plane'/></worldbody>", "1: <mujoco>: has no bodies"},
+           {"<worldbody><body><joint range='90 0'/><geom size='1'/></body></worldbody>",
+            "2: <joint>: range='90 0': must be the lower limit, then the upper one"},
+           {"<default><joint stiffness='-3'/></default><worldbody><body>\n<joint/><geom size='1'/></body>"
+            "</worldbody>",
+            "2: <joint>: stiffness='-3': must not be below 0"},
+           {"<worldbody><body><joint damping='-1'/><geom size='1'/></body></worldbody>",
+            "2: <joint>: damping='-1': must not be below 0"},
+           {"<worldbody><body><joint frictionloss='-1'/><geom size='1'/></body></worldbody>",
+            "2: <joint>: frictionloss='-1': must not be below 0"}})
     EXPECT_EQ(mjcf_error(content), "t.lua:2: m.xml:" + expected);
   write("m.xml", "<mujoco/>");
   EXPECT_EQ(error_of("surface{}\nurdf{file = 'm.xml', position = {0, 0, 0}}"),
             "t.lua:2: m.xml:1: the first element must be <robot>");
   EXPECT_EQ(error_of("surface{}\nmjcf{file = 'm.xml', position = {0, 0, 0}}"),
-            "t.lua:2: the model has no bodies");
+            "t.lua:2: m.xml:1: <mujoco>: has no bodies");
   EXPECT_EQ(error_of("surface{}\nurdf{file = 'n.xml', position = {0, 0, 0}}"),
             "t.lua:2: urdf.file: 'n.xml' does not exist");
 }

@@ -178,7 +178,19 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"pace('fast')",
                 "t.lua:1: pace = 'fast': must be 'max', 'realtime' or a factor greater than 0"},
         Mistake{"print(cells.rows)", "t.lua:1: cells.rows: no surface{} is declared so far"},
-        Mistake{"cells:tagret()", "t.lua:1: cells: has no 'tagret' (did you mean 'target'?)"}));
+        Mistake{"metric('a', print)\nmetric('a', print)", "t.lua:2: metric 'a': already declared at t.lua:1"},
+        Mistake{"metric('a', print)\nmetric('a', 1)",
+                "t.lua:2: metric 'a': already declared at t.lua:1, as a function"},
+        Mistake{"sphere{radius = 1, position = {0, 0, 0}}\ninfo{a = 0, b = 1}",
+                "t.lua:2: info.b = 1: there is no such object; create it before info{}"},
+        Mistake{"info{a = -1}", "t.lua:1: info.a = -1: there is no such object; create it before info{}"},
+        Mistake{"string.format('%d', 1.5)",
+                "t.lua:1: bad argument #2 to 'format' (number has no integer representation)"},
+        Mistake{"cells:tagret()", "t.lua:1: cells: has no 'tagret' (did you mean 'target'?)"},
+        Mistake{"print(cells.row)", "t.lua:1: cells: has no 'row' (did you mean 'rows'?)"},
+        Mistake{
+            "print(cells[1])",
+            "t.lua:1: cells: has no 1; known: centre, columns, pitch, rows, sense, target, targets, truth"}));
 
 INSTANTIATE_TEST_SUITE_P(
     InActuatorsAndLayouts, MistakeTest,

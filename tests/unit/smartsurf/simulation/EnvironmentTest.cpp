@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <random>
 #include <span>
 #include <tuple>
 
@@ -463,6 +464,33 @@ TEST(EnvironmentVerdict, SuccessOfTheStartEndsTheFirstStep) {
     environment.restore(start);
     EXPECT_TRUE(environment.step().terminated);
     environment.reset(7);
+  }
+}
+
+// Whatever ends the episode besides, and also in another environment that has the state.
+TEST(EnvironmentVerdict, TerminatedStaysUntilTheReset) {
+  std::mt19937 random(1);
+  for (const char* const script :
+       {"at(TICK / 10 - 0.05, function() stop('here', true) end)", "at(TICK / 10 - 0.05, quit)",
+        "success(function(t, tick) return tick == TICK + 1 end)",
+        "success(function(t, tick) return tick == TICK + 1 end) at(TICK / 10 - 0.05, stop)",
+        "episode { seconds = 0.1 } at(TICK / 10 - 0.05, stop)"}) {
+    SCOPED_TRACE(script);
+    const unsigned tick = 1 + random() % 5;
+    EnvironmentOptions options;
+    options.experiment = "end.lua";
+    options.source = "surface { rows = 2, columns = 2 } world { control_period = 1/10, dt = 1/100 } TICK = " +
+                     std::to_string(tick) + "\n" + script;
+    Environment environment(options), other(options);
+    for (int episode = 0; episode < 2; ++episode) {
+      for (unsigned step = 1; step <= 8; ++step) {
+        const std::string state = environment.save();
+        EXPECT_EQ(environment.step().terminated, step > tick) << step;
+        other.restore(state);
+        EXPECT_EQ(other.step().terminated, step > tick) << step;
+      }
+      environment.reset(episode);
+    }
   }
 }
 
