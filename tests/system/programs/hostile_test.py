@@ -392,10 +392,11 @@ class ApronFiles(Hostile):
         subprocess.run(["cc", "-shared", "-fPIC", "-o", str(self.folder / "own/evil.so"), str(source)], check=True)
         shutil.copy(self.folder / "own/evil.so", self.folder / "other/evil.so")
         for name in ("evil", "../other/evil", "../own/evil"):
-            status, _, err = self.apron(f"!module('{name}')\nplugin(?, 0)")
-            self.assertEqual(status, 2)
-            self.assertRegex(err, r"p\.aps:4: error: .*--module")
-            self.assertFalse((self.folder / "ran").exists())
+            for call in ("plugin(?, 0)", ""):
+                status, _, err = self.apron(f"!module('{name}')\n{call}")
+                self.assertEqual(status, 2)
+                self.assertRegex(err, r"p\.aps:3: error: .*--module")
+                self.assertFalse((self.folder / "ran").exists())
         _, _, err = self.apron("!module('evil')\nplugin(?, 0)", "--module", "evil")
         self.assertIn("apron_plugin_version", err)  # it was loaded
 

@@ -725,7 +725,7 @@ class Errors(ExperimentTest):
                 call(s)
             with self.assertRaisesRegex(smartsurf.Error, "the episode has failed: reset it"):
                 s.step()
-        for line, message in (("info { x = 'y' }", "info.x = 'y': must be"), ("info { x = 0 }", "info.x = 0: must be"),
+        for line, message in (("info { x = 'y' }", "info.x = 'y': must be"), ("info { x = 0 }", "info.x = 0: there is no such object"),
                               *((f"info {{ ['{name}'] = function() return 1 end }}",
                                  f"experiment.lua:2: info.{name}: infos have another value of this name")
                                 for name in ("seed", "success", "nonfinite_actions", "metrics", "error", "final_obs", "final_info",

@@ -243,9 +243,9 @@ TEST_F(ModelsTest, MjcfLaterCompilersReplaceTheAttributesOfEarlierOnes) {
 TEST_F(ModelsTest, MjcfGeomsAndBodiesMayHaveTheSameName) {
   write("m.xml",
         "<mujoco><worldbody><body name='x'><freejoint name='x'/><geom size='1'/></body></worldbody>"
-        "<worldbody><geom name='x' size='1'/></worldbody></mujoco>");
+        "<worldbody><geom name='x' size='1'/><geom size='1'/></worldbody></mujoco>");
   load_on_surface("print(mjcf{file = 'm.xml', position = {0, 0, 0}}.objects.x)");
-  EXPECT_EQ(printed, "1\n");
+  EXPECT_EQ(printed, "2\n");
 }
 
 // Whichever elements the file names, also as the importer would, every object and joint has its own name.
