@@ -254,8 +254,7 @@ class Round {
         preprocessor_(preprocessing(options), reader_, sources_, diagnostics_),
         statements_(syntax::Parser(preprocessor_, sources_, diagnostics_).parse()) {
     Lowering(  // the whole program
-        {options.width, options.height}, sources_, diagnostics_, preprocessor_.macros().names(),
-        preprocessor_.is_original())
+        {options.width, options.height}, sources_, diagnostics_, preprocessor_)
         .lower_program(statements_);
     for (syntax::Diagnostic& error : diagnostics_.take()) {
       const Location& at = error.location;

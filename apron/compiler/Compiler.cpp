@@ -89,11 +89,7 @@ std::optional<program::Program> compile_program(const CompileOptions& options, s
   std::vector<syntax::Statement> statements = syntax::Parser(preprocessor, sources, diagnostics).parse();
   if (preprocessor.is_aborted()) return std::nullopt;
   if (mark.line != 0) insert(mark, sources, statements);
-  std::vector<std::string> names = preprocessor.macros().names();
-  const std::vector<std::string> defines = preprocessor.define_names();
-  names.insert(names.end(), defines.begin(), defines.end());
-  Lowering lowering({options.width, options.height}, sources, diagnostics, std::move(names),
-                    preprocessor.is_original());
+  Lowering lowering({options.width, options.height}, sources, diagnostics, preprocessor);
   for (const syntax::Preprocessor::NamedModule& module : preprocessor.modules())
     lowering.add_module(module.name, module.location);
   lowering.lower_program(statements);

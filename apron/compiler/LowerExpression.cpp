@@ -6,6 +6,7 @@
 
 #include "apron/compiler/Lowering.h"
 #include "apron/program/ScalarArithmetic.h"
+#include "common/text/Words.h"
 
 namespace apron::compiler {
 
@@ -82,6 +83,7 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
                : "");
     }
     if (written_names_.count(name.text) == 0) {
+      if (macros_.find(name.text, 0, true) != nullptr) check_no_later_macro(name);
       std::vector<std::string> known = other_names_;
       for (const std::string& one : written_names_) {
         if (!is_macro_name(one)) known.push_back(one);
@@ -91,6 +93,10 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
           known.push_back(one);
       }
       std::string hint = symbols_.did_you_mean(name.text, known);
+      const std::string word = common::lower_case(name.text);
+      if (hint.empty() && (word == "true" || word == "false"))
+        hint = fmt::format("; write {}, or !include('apron.aps') and {}", word == "true" ? 1 : 0,
+                           word == "true" ? "TRUE" : "FALSE");
       if (hint.empty())
         hint = fmt::format("; before it is read, !register({0}) or {0} = 0 makes it one", name.text);
       fail(name.location, "'{}' is not a register, and no line writes it as a scalar{}", name.text, hint);

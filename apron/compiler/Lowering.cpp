@@ -13,14 +13,36 @@ namespace apron::compiler {
 using syntax::ExpressionKind;
 using syntax::StatementKind;
 
+namespace {
+
+// The instruction of the call's group that does what a name of other languages says: io.image.open for
+// io.image.load. "" if there is none.
+std::string synonym_in_group(const std::string& name) {
+  static constexpr std::pair<std::string_view, std::string_view> kSynonyms[] = {
+      {"load", "open"}, {"read", "open"}, {"write", "save"}, {"store", "save"}};
+  const std::size_t group = name.rfind('.') + 1;
+  for (const auto& [foreign, own] : kSynonyms) {
+    const std::string instruction = name.substr(0, group) + std::string(own);
+    if (group > 0 && name.substr(group) == foreign && find_builtin(instruction) != nullptr)
+      return instruction;
+  }
+  return "";
+}
+
+}  // namespace
+
 Lowering::Lowering(Shape surface, const syntax::SourceManager& sources, syntax::Diagnostics& diagnostics,
-                   std::vector<std::string> other_names, bool original)
+                   const syntax::Preprocessor& preprocessor)
     : surface_(surface),
       sources_(sources),
       diagnostics_(diagnostics),
-      other_names_(std::move(other_names)),
-      original_(original),
-      shape_hint_(surface) {}
+      macros_(preprocessor.macros()),
+      other_names_(macros_.names()),
+      original_(preprocessor.is_original()),
+      shape_hint_(surface) {
+  const std::vector<std::string> defines = preprocessor.define_names();
+  other_names_.insert(other_names_.end(), defines.begin(), defines.end());
+}
 
 void Lowering::lower_program(const std::vector<Statement>& program) {
   collect_writes(program);
@@ -323,7 +345,17 @@ bool Lowering::ignores(const Expression& call) {
   return foreign;
 }
 
+// A macro of the program that the call has not become is defined below it.
+void Lowering::check_no_later_macro(const Expression& call) const {
+  for (const syntax::MacroTable::Handle& macro : macros_.all())
+    if (macro->name == call.text)
+      fail(call.location, "the {} '{}' is defined below, at {}:{}, and must stand before its use",
+           macro->is_function ? "function" : "macro", macro->name, sources_.file(macro->location.file).name,
+           macro->location.line);
+}
+
 void Lowering::fail_unknown_call(const Expression& call) const {
+  check_no_later_macro(call);
   static const std::map<std::string, std::string> kForeign = {
       {"elseif", "write 'else', and an 'if' with its own 'endif' after it"},
       {"elif", "write 'else', and an 'if' with its own 'endif' after it"},
@@ -373,8 +405,9 @@ void Lowering::fail_unknown_call(const Expression& call) const {
   }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
+  const std::string own = synonym_in_group(call.text);
   fail(call.location, "there is no instruction or macro '{}'{}", display_name(call.text),
-       common::did_you_mean(call.text, known));
+       own.empty() ? common::did_you_mean(call.text, known) : fmt::format("; did you mean '{}'?", own));
 }
 
 void Lowering::fail_argument_count(const Builtin& builtin, const Expression& call) const {

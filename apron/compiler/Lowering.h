@@ -30,10 +30,10 @@ struct ScalarRead {
 
 class Lowering {
  public:
-  // `other_names` are those of macros and defines, for suggestions. `original`: calls of the original's
-  // windows and simulators that nothing defines, and palettes that do not exist, are warnings.
-  Lowering(Shape surface, const syntax::SourceManager&, syntax::Diagnostics&,
-           std::vector<std::string> other_names, bool original = false);
+  // Of the preprocessor, whose input has ended, it takes the macros and defines, for messages, and whether
+  // the program is one of the original's: then calls of its windows and simulators that nothing defines, and
+  // palettes that do not exist, are warnings.
+  Lowering(Shape surface, const syntax::SourceManager&, syntax::Diagnostics&, const syntax::Preprocessor&);
 
   // A module that the program loads, whether or not it calls it; its index.
   std::uint32_t add_module(const std::string& name, syntax::Location);
@@ -221,6 +221,7 @@ class Lowering {
   bool find_shape(const Expression&, Shape&) const;
   bool may_be_masked() const;
   bool is_foreign(std::uint32_t machine_file) const;
+  void check_no_later_macro(const Expression&) const;
   std::string machine_hint(std::initializer_list<std::string_view> mnemonics) const;
   const std::uint32_t* foreign_machine(const Value&) const;
   void check_machine_copy(const Value& target, const Value& value, Location) const;
@@ -327,7 +328,8 @@ class Lowering {
   Shape surface_;
   const syntax::SourceManager& sources_;
   syntax::Diagnostics& diagnostics_;
-  std::vector<std::string> other_names_;
+  const syntax::MacroTable& macros_;
+  std::vector<std::string> other_names_;  // of macros and defines
   bool original_ = false;
   std::set<std::string> ignored_;             // calls that a warning named
   std::map<std::string, std::string> texts_;  // by the name that stands for them

@@ -534,11 +534,13 @@ class LanguageServer {
           (other.scope == symbol.scope || other.scope == 0 || symbol.scope == 0))
         refuse(ErrorCode::kRequestFailed,
                "there is a " + std::string(kind_of(other).word) + " '" + name + "' already");
-    if (const syntax::Location* const join = index.find_join(symbol))
-      refuse(ErrorCode::kRequestFailed, "'" + symbol.name +
-                                            "' may be a part of a name that ## joins, or one, at " +
-                                            place.document.sources.file(join->file).name + ":" +
-                                            std::to_string(join->line) + ": rename it by hand");
+    if (name == syntax::kWidthName || name == syntax::kHeightName)
+      refuse(ErrorCode::kRequestFailed, "'" + name + "' is a constant of every program");
+    for (const std::string& one : {symbol.name, name})
+      if (const syntax::Location* const join = index.find_join(symbol, one))
+        refuse(ErrorCode::kRequestFailed, "'" + one + "' may be a part of a name that ## joins, or one, at " +
+                                              place.document.sources.file(join->file).name + ":" +
+                                              std::to_string(join->line) + ": rename it by hand");
     std::map<std::string, json> changes;
     for (const Occurrence& other : index.occurrences()) {
       if (other.symbol != occurrence.symbol || is_of_library(place.document, other.location.file)) continue;

@@ -341,15 +341,19 @@ bool SourceIndex::can_make(const Join& join, std::size_t first_part, std::string
   return false;
 }
 
-const syntax::Location* SourceIndex::find_join(const Symbol& symbol) const {
-  if (symbol.kind == Symbol::Kind::kParameter || symbol.kind == Symbol::Kind::kFilter || symbol.is_counter)
-    return nullptr;
+const syntax::Location* SourceIndex::find_join(const Symbol& symbol, const std::string& name) const {
+  if (symbol.kind == Symbol::Kind::kFilter) return nullptr;
+  // Those stand for another word: what stands for itself in a join does so no more under their name.
+  const bool is_replaced = symbol.kind == Symbol::Kind::kParameter || symbol.is_counter;
   for (const Join& join : joins_) {
-    if (can_make(join, 0, symbol.name)) return &join.location;
+    if (!is_replaced && can_make(join, 0, name)) return &join.location;
     for (std::size_t i = 0; i < join.parts.size(); ++i) {
-      if (join.parts[i].kind != Join::Kind::kWord) continue;
+      if (is_replaced && name != symbol.name && join.parts[i].kind == Join::Kind::kText &&
+          join.parts[i].text == name)
+        return &join.location;
+      if (is_replaced || join.parts[i].kind != Join::Kind::kWord) continue;
       Join given = join;
-      given.parts[i] = {Join::Kind::kText, symbol.name};
+      given.parts[i] = {Join::Kind::kText, name};
       const auto is_made = [&](const std::string& text) { return can_make(given, 0, text); };
       if (std::ranges::any_of(texts_, is_made)) return &join.location;
     }

@@ -52,9 +52,9 @@ class SourceIndex {
   const std::vector<Occurrence>& occurrences() const noexcept { return occurrences_; }
   // The occurrence at a position: a column is a number of characters, from 1. Nullptr if there is none.
   const Occurrence* find(std::uint32_t file, std::uint32_t line, std::uint32_t column) const;
-  // The `a ## b` that may make the symbol's name, or another name of the program from it: renaming the symbol
-  // changes other names than its own. Nullptr if there is none.
-  const syntax::Location* find_join(const Symbol&) const;
+  // The `a ## b` that may make the name, or another name of the program from it, if the symbol has it or gets
+  // it: renaming the symbol changes other names than its own. Nullptr if there is none.
+  const syntax::Location* find_join(const Symbol&, const std::string& name) const;
   // The name at a position, also of an instruction; "" if there is none. `start` is its first column.
   std::string name_at(std::uint32_t file, std::uint32_t line, std::uint32_t column,
                       std::uint32_t& start) const;

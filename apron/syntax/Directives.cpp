@@ -443,6 +443,10 @@ void Preprocessor::handle_register(const Tokens& tokens) {
       report(token.location, "'!{0}' takes names: !{0}(A, B)", directive);
       continue;
     }
+    if (const std::string constant = constant_of(token.text); !constant.empty()) {
+      report(token.location, "'{}' is a constant, {}: choose another name", token.text, constant);
+      continue;
+    }
     Declaration request = make_declaration(Declaration::Kind::kRegister, token.location);
     request.name = token.text;
     request.of_variables = directive == "scalar";

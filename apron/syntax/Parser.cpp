@@ -88,7 +88,11 @@ Statement Parser::make_invalid(const Line& line) const {
   Statement statement;
   statement.location = line.location;
   statement.target.text = line.tokens.front().text;
-  statement.assigns = find_equals(line.tokens.begin(), line.tokens.end()) != line.tokens.end();
+  // In `if(a) b = c` the block is what others need.
+  const bool opens_block =
+      is_keyword(statement.target.text) && line.tokens.size() > 1 && line.tokens[1].is("(");
+  statement.assigns =
+      !opens_block && find_equals(line.tokens.begin(), line.tokens.end()) != line.tokens.end();
   // The instruction where(A) of a machine opens no block.
   if (!statement.assigns && preprocessor_.macros().has_operand_kinds(statement.target.text))
     statement.target.text.clear();

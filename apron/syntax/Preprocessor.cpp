@@ -41,8 +41,8 @@ Preprocessor::Preprocessor(PreprocessorOptions options, FileReader& reader, Sour
   const auto number = [](std::uint32_t value) {
     return Tokens{{TokenKind::kNumber, {}, fmt::format("{}", value), static_cast<float>(value)}};
   };
-  defines_["SURFACE_WIDTH"] = number(options_.width);
-  defines_["SURFACE_HEIGHT"] = number(options_.height);
+  defines_[std::string(kWidthName)] = number(options_.width);
+  defines_[std::string(kHeightName)] = number(options_.height);
   std::optional<std::string> text = reader_.read(options_.file);
   if (text) {
     push_file(options_.file, std::move(*text), {});
@@ -110,6 +110,7 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
   line.end.column += static_cast<std::uint32_t>(spelling(line.tokens.back()).size());
   line.location.expansion = line.end.expansion = frame.expansion;
   const bool is_directive = line.tokens.front().kind == TokenKind::kDirective;
+  if (is_directive && is_active()) close_bracket(line);
   if (is_directive && handle_conditional(line.tokens)) return false;
   if (!is_active()) return false;
   if (line.tokens.size() > 1 && line.tokens[0].is_name("function") &&
@@ -129,10 +130,49 @@ bool Preprocessor::process_line(PreprocessedItem& item) {
     handle_directive(line);
     return false;
   }
-  if (!expand_defines(line.tokens)) line.has_error = true;
+  if (writes_constant(line.tokens) || !expand_defines(line.tokens)) line.has_error = true;
   item.kind = PreprocessedItem::Kind::kLine;
   item.line = std::move(line);
   return true;
+}
+
+// Reports and adds the last bracket of a directive's arguments where it is missing.
+void Preprocessor::close_bracket(Line& line) {
+  Tokens& tokens = line.tokens;
+  if (line.has_error || tokens.size() < 2 || !tokens[1].is("(") || tokens.back().is(")")) return;
+  const auto count = [&](std::string_view bracket) {
+    return std::ranges::count_if(tokens, [&](const Token& token) { return token.is(bracket); });
+  };
+  if (count("(") <= count(")")) return;
+  report(line.end, "expected ')' before the end of the line");
+  tokens.push_back(make_punctuator(")", line.end));
+}
+
+std::string Preprocessor::constant_of(const std::string& name) const {
+  const auto found = defines_.find(name);
+  if (found == defines_.end()) return {};
+  std::string text;
+  for (const Token& token : found->second) {
+    if (token.kind != TokenKind::kNumber && token.kind != TokenKind::kPunctuator) return {};
+    text += spelling(token);
+  }
+  return text;
+}
+
+// Reports that the line gives a value to a name that stands for a number.
+bool Preprocessor::writes_constant(const Tokens& tokens) {
+  const bool counts = tokens.size() > 3 && tokens[0].is_name("for") && tokens[1].is("(") && tokens[3].is(",");
+  const auto equals = find_equals(tokens.begin(), tokens.end());
+  if (!counts && (equals == tokens.end() || !operator_target("=").empty())) return false;
+  const auto targets = counts ? std::vector<Tokens>{{tokens[2]}} : split_arguments(tokens.begin(), equals);
+  for (const Tokens& target : targets) {
+    const bool is_name = target.size() == 1 && target[0].kind == TokenKind::kName;
+    const std::string constant = is_name ? constant_of(target[0].text) : "";
+    if (constant.empty()) continue;
+    report(target[0].location, "'{}' is a constant, {}, and cannot be written", target[0].text, constant);
+    return true;
+  }
+  return false;
 }
 
 bool Preprocessor::assigns_plainly() const {

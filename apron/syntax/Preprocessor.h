@@ -34,6 +34,9 @@ inline constexpr std::size_t kMaxExpansions = 100'000;
 inline constexpr std::size_t kMaxLines = 1'000'000;  // after expansion
 inline constexpr std::size_t kMaxLineTokens = 20'000;
 
+// The constants that every program has: the surface's size in cells.
+inline constexpr std::string_view kWidthName = "SURFACE_WIDTH", kHeightName = "SURFACE_HEIGHT";
+
 // The sources and the target of a compilation.
 struct SourceOptions {
   std::string file = {};
@@ -131,6 +134,8 @@ class Preprocessor {
   std::size_t max_addr() const noexcept { return max_addr_; }
   // True after `!compatibility('original')`.
   bool is_original() const noexcept { return original_; }
+  // The number, as it is written, that a define makes of the name; "" if there is none.
+  std::string constant_of(const std::string& name) const;
   // Every define, for suggestions.
   std::vector<std::string> define_names() const;
 
@@ -163,6 +168,8 @@ class Preprocessor {
   bool is_active() const;
   void pop_frame(PreprocessedItem&);
   bool process_line(PreprocessedItem&);
+  void close_bracket(Line&);
+  bool writes_constant(const Tokens&);
   static bool repeat_loop(InputFrame&);
   void substitute(Tokens&, const InputFrame&) const;
   bool substitute(const Token&, const InputFrame&, Tokens& out) const;

@@ -266,6 +266,16 @@ class LanguageServer(unittest.TestCase):
                          self.text.replace("\nx = 1", "\nZ = 1").replace("+ x", "+ Z").replace("x)", "Z)"))
         self.assertEqual(self.rename("j,", "k"), self.text.replace("j", "k"))
 
+    def test_rename_refuses_names_that_mean_something_else(self):
+        self.change("!macro_def\nset($n)\n!macro_begin\n  L ## $n = 2\n!macro_end\n!register(A)\nq = 1\nL = 5\n!for(j, 0, 1)\n  x ## j = j\n!endfor\n"
+                    "set(q)\nprintln(A, Lq, L, x0)\n")
+        for name, new, line in (("A)", "Lq", 4), ("q = 1", "A", None), ("L = 5", "x0", 10), ("A)", "x1", 10), ("n)", "L", None), ("j, 0", "x", 10)):
+            wanted = f"^'{new}' may be a part .*p.aps:{line}: rename it by hand$" if line else "already|rename it by hand"
+            self.assertRegex(self.rename(name, new), wanted, (name, new))
+        for name in ("SURFACE_WIDTH", "SURFACE_HEIGHT"):
+            self.assertEqual(self.rename("A)", name), f"'{name}' is a constant of every program")
+        self.assertEqual(self.rename("A)", "Lz"), self.text.replace("A", "Lz"))
+
     def test_symbols_and_formatting(self):
         names = {symbol["name"] for symbol in self.sync()}
         self.assertLessEqual({"Object", "Größe", "LIMIT", "n", "frame", "blend", "k"}, names)

@@ -470,6 +470,57 @@ TEST(WrongProgram, FirstLineOfReport) {
   }
 }
 
+TEST(WrongProgram, OneMistakeIsOneError) {
+  for (const Wrong& wrong : {
+           Wrong{"!register(A)|A = io.image.load('a.png')|io.image.save(A, 'b.png')",
+                 "main.aps:2:5: error: there is no instruction or macro 'io.image.load'; did you mean "
+                 "'io.image.open'?"},
+           {"!register(A)|io.array.write(A, 'a.csv')",
+            "main.aps:2:1: error: there is no instruction or macro 'io.array.write'; did you mean "
+            "'io.array.save'?"},
+           {"while(true)|endwhile",
+            "main.aps:1:7: error: 'true' is not a register, and no line writes it as a scalar; write 1, or "
+            "!include('apron.aps') and TRUE"},
+           {"x = 1|x = False",
+            "main.aps:2:5: error: 'False' is not a register, and no line writes it as a scalar; write 0, or "
+            "!include('apron.aps') and FALSE"},
+           {"!define(K, 3)|K = 1|x = K", "main.aps:2:1: error: 'K' is a constant, 3, and cannot be written"},
+           {"!define(K, 1 + 2)|for(K, 1, 2)|x = K|endfor",
+            "main.aps:2:5: error: 'K' is a constant, 1+2, and cannot be written"},
+           {"SURFACE_WIDTH = 1",
+            "main.aps:1:1: error: 'SURFACE_WIDTH' is a constant, 8, and cannot be written"},
+           {"!register(A, SURFACE_HEIGHT)|A = SURFACE_HEIGHT",
+            "main.aps:1:14: error: 'SURFACE_HEIGHT' is a constant, 6: choose another name"},
+           {"!define(N, 3|x = N", "main.aps:1:13: error: expected ')' before the end of the line"},
+           {"!register(A, B|B = A", "main.aps:1:15: error: expected ')' before the end of the line"},
+           {"!if(1|x = 1|!endif|y = x", "main.aps:1:6: error: expected ')' before the end of the line"},
+           {"if(1 > 0) n = 2|endif", "main.aps:1:11: error: unexpected 'n'; a statement ends with its line"},
+           {"n = 1|while(n > 0) n = 0|endwhile",
+            "main.aps:2:14: error: unexpected 'n'; a statement ends with its line"},
+           {"!register(A)|where(A > 0) A = 0|elsewhere|A = 1|endwhere",
+            "main.aps:2:14: error: unexpected 'A'; a statement ends with its line"},
+           {"!register(A)|A = f(A)|function y = f(plane a)|y = a|endfunction",
+            "main.aps:2:5: error: the function 'f' is defined below, at main.aps:3, and must stand before "
+            "its use"},
+           {"!register(A)|m(A)|!macro_def|m($a)|!macro_begin|$a = 1|!macro_end",
+            "main.aps:2:1: error: the macro 'm' is defined below, at main.aps:4, and must stand before its "
+            "use"},
+           {"x = f + 1|function y = f|y = 2|endfunction",
+            "main.aps:1:5: error: the function 'f' is defined below, at main.aps:2, and must stand before "
+            "its use"},
+       }) {
+    std::string text = std::string(wrong.program) + "\n";
+    std::replace(text.begin(), text.end(), '|', '\n');
+    const CompileResult result = compile_text(text);
+    EXPECT_EQ(first_line(errors(result)), wrong.report) << wrong.program;
+    EXPECT_EQ(result.diagnostics.size(), 1U) << errors(result);
+  }
+  EXPECT_EQ(
+      errors(compile_text("function y = g(plane a)\ny = h(a)\nendfunction\nfunction y = h(plane a)\ny = "
+                          "a\nendfunction\n!register(A)\nA = g(A)\n")),
+      "");
+}
+
 // What only a run can tell: the boundary of a path, and of a variable. Floats take any number.
 TEST(RightProgram, BoundariesThatRegistersMayTake) {
   for (const char* text :
