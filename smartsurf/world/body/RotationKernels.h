@@ -21,6 +21,7 @@ struct alignas(64) RotationBatch {
   double free_time[kLanes];                   // time to rotate freely for, s
   double previous_x_axis[3][kLanes];          // of the axes before the step
   double is_axisymmetric[kLanes];  // 1: the axes do not follow the spin about the body's z axis; 0: they do
+  double is_jointed[kLanes];       // 1 or 0
   // ---- in and out
   double orientation[4][kLanes];       // x, y, z, w
   double momentum[3][kLanes];          // angular, world axes
@@ -32,8 +33,9 @@ struct alignas(64) RotationBatch {
 
 // Changes the angular momentum by what the solver changed the angular velocity. Rotates the bodies freely for
 // their free_time, and then by what `rotation` adds to a constant angular velocity: the motion before an
-// impact within the step, and the push-out. Meanwhile the momentum stays constant; the new angular velocity
-// follows from it and the new orientation. Then computes axes and world_inverse_inertia.
+// impact within the step, and the push-out. Meanwhile the momentum stays constant, but for that along the axis
+// of a slender body without joints, which turns with it where contacts act; the new angular velocity follows
+// from it and the new orientation. Then computes axes and world_inverse_inertia.
 void integrate_rotation(RotationBatch&);
 
 }  // namespace smartsurf::world

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "smartsurf/world/body/RotationKernels.h"
 #include "smartsurf/world/solver/JointSolver.h"
@@ -119,7 +120,12 @@ void JointSolver::end_early(std::int32_t body, float fraction) {
 void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
   for (std::size_t t = 0; t < tree_states_.size(); ++t) {
     const TreeState& s = tree_states_[t];
-    if (!s.is_active || s.kept == s.substep) continue;
+    if (!s.is_active) continue;
+    const bool stands = s.kept == 0;
+    bool stood = false;
+    for (const std::int32_t k : joints_of(equations_.trees()[t]))
+      stood |= std::exchange(joints_[k].stood, stands);
+    if (s.kept == s.substep) continue;
     const auto members = bodies_of(equations_.trees()[t]);
     const auto end_of = [&](std::int32_t i) -> const Pose& {
       if (s.kept == 0 || !bodies_[i].is_active) return bodies_[i].start;
@@ -146,7 +152,11 @@ void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Sub
       const double before = j.coordinate - j.spring.rest;
       if (j.has_spring) work += 0.5 * j.spring.stiffness * (before * before - after * after);
     }
-    const double scale = work > 0.0 ? std::sqrt(std::max(0.0, 1.0 - work / energy)) : 1.0;
+    // Contacts and joints that leave a tree a velocity with which it cannot move are at odds: it would hang
+    // in the air for ever.
+    constexpr double kBrake = 0.5;
+    const double scale =
+        (work > 0.0 ? std::sqrt(std::max(0.0, 1.0 - work / energy)) : 1.0) * (stands && stood ? kBrake : 1.0);
     for (const std::int32_t i : members) {
       const Body& b = bodies_[i];
       if (!b.is_active) continue;

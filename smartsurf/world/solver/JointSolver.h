@@ -118,6 +118,8 @@ class JointSolver {
     scene::JointMotor motor;
     // ---- state
     double coordinate;
+    // Its tree stood still in the last step: it could not even make the way of a substep.
+    bool stood = false;
     Vec3d force_impulse;    // of the rigid rows on a, over the step
     double effort_impulse;  // along the axis, over the step
 

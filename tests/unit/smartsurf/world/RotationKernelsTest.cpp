@@ -48,6 +48,7 @@ struct Bodies {
       }
       put(l, body[l]);
       turns.is_axisymmetric[l] = l % 2 == 1 ? 1.0 : 0.0;
+      turns.is_jointed[l] = 0.0;
     }
   }
   void put(int l, const Body& b) {
@@ -203,6 +204,7 @@ TEST(RotationKernels, BitIdenticalInAnyLaneAndOnEveryTarget) {
   for (int l = 0; l < kLanes; ++l) {
     shifted.put(l, first.body[(l + 2) % kLanes]);
     shifted.turns.is_axisymmetric[l] = (l + 2) % 2 == 1 ? 1.0 : 0.0;
+    shifted.turns.is_jointed[l] = 0.0;
   }
   integrate_rotation(shifted.turns);
   for (int l = 0; l < kLanes; ++l) EXPECT_EQ(shifted.spin(l), first.spin((l + 2) % kLanes)) << l;
