@@ -275,11 +275,11 @@ void Repl::handle_entry(const std::string& text) {
       return;
     }
   }
-  // An error that is further on than the other is not about what the entry is taken for.
   if (kind == EntryKind::kStatement || statement.outcome == Outcome::kRuntimeError)
     return print_(statement.report);
   static constexpr std::string_view kShow = "println(";
   const Result expression = compile_and_run(std::string(kShow) + word + ")\n");
+  // The error that is further on is not about what the entry is taken for.
   const bool is_expression = expression.outcome != Outcome::kCompileError || kind == EntryKind::kExpression ||
                              statement.column + kShow.size() <= expression.column;
   print_((is_expression ? expression : statement).report);
