@@ -33,9 +33,9 @@ struct alignas(64) RotationBatch {
 
 // Changes the angular momentum by what the solver changed the angular velocity. Rotates the bodies freely for
 // their free_time, and then by what `rotation` adds to a constant angular velocity: the motion before an
-// impact within the step, and the push-out. Meanwhile the momentum stays constant, but for that along the axis
-// of a slender body without joints, which turns with it where contacts act; the new angular velocity follows
-// from it and the new orientation. Then computes axes and world_inverse_inertia.
+// impact within the step, and the push-out. Meanwhile the momentum stays constant, but for that along the
+// axis of a slender body without joints, which turns with it where contacts act; the new angular velocity
+// follows from it and the new orientation. Then computes axes and world_inverse_inertia.
 void integrate_rotation(RotationBatch&);
 
 }  // namespace smartsurf::world
