@@ -30,9 +30,9 @@ struct ScalarRead {
 
 class Lowering {
  public:
-  // Of the preprocessor, whose input has ended, it takes the macros and defines, for messages, and whether
-  // the program is one of the original's: then calls of its windows and simulators that nothing defines, and
-  // palettes that do not exist, are warnings.
+  // The preprocessor's input has ended. Its macros and defines are for messages; where it says that the
+  // program is one of the original's, calls of its windows and simulators that nothing defines, and palettes
+  // that do not exist, are warnings.
   Lowering(Shape surface, const syntax::SourceManager&, syntax::Diagnostics&, const syntax::Preprocessor&);
 
   // A module that the program loads, whether or not it calls it; its index.

@@ -96,7 +96,8 @@ NameLayout lay_out_names(const std::vector<std::string>& categories, double widt
   return {std::min(longest, max_upright), size_in(max_upright, longest)};
 }
 
-// Of the height of an area and the room below it, the names take kMaxUpright, without gaps and title.
+// Upright names take at most kMaxUpright of the height of an area and the room below it, gaps and title
+// aside.
 NameLayout names_below(const Axis& axis, const PlotArea& area) {
   return lay_out_names(axis.categories, area.width, kMaxUpright / (1.0 - kMaxUpright) * area.height);
 }

@@ -68,8 +68,8 @@ TEST_P(ThinBodies, SticksThatLandOnCellsGainNoEnergy) {
   EXPECT_LT(greatest_gain, 0.02);
 }
 
-// Frames of welded and hinged sticks that fall on the edge of a box: joints and contacts throw no stick
-// about, and a frame that they leave a velocity with which it cannot move does not keep it.
+// Frames of welded and hinged sticks that fall on the edge of a box: no stick is thrown about, and a frame
+// whose contacts and joints leave it a velocity with which it cannot move does not keep it.
 TEST_P(ThinBodies, JointedSticksThatLandOnABoxComeDown) {
   const int draws = GetParam() > 0.01    ? 8
                     : GetParam() > 0.005 ? 3
