@@ -46,7 +46,6 @@ class UniformGrid {
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
   // The axis along which slices are stacked: 0 (x) or 1 (y).
   int slice_axis() const { return axis_[kSlice]; }
-  int slice_count() const { return cell_count_[kSlice]; }
   // An occupied row, of more than kFew bodies. Its bodies reach up to `begin` of the next row, in sorted
   // order.
   struct Row {
