@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -24,17 +25,22 @@ constexpr int kMaxPasses = 12;
 // A contact with a load below this many weights of the lighter body carries that body alone: the load of a
 // body at rest is below, that of a body that bears another one above.
 constexpr float kOwnWeight = 3.0F;
+// A body that lies on another one has a normal with at least this component along the vertical.
+constexpr float kLeastRise = 0.5F;
+// Bodies without loads as yet, of which so many are connected, may become a chain that bears a heavy one.
+constexpr int kMinChain = 3;
+// A patch of which samples slip sticks as a whole while its friction is below this share of its limit.
+constexpr double kHolding = 0.5;
 // A contact whose load exceeds the sum of its island's weights, forces and momentum by this factor is wedged:
 // its load is an internal stress.
 constexpr double kMaxLeverage = 8.0;
 
-// Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep;
-// the sweeps solve it.
-constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
-// Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
-// kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
-constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
-constexpr int kMinSinkingBodies = 8;
+// Flags of a set of rows that contacts connect: the direct solver has it; it does if it is a chain; the
+// sweeps have it.
+constexpr std::uint8_t kHeavy = 1, kFresh = 2, kExcluded = 4;
+// A body rests on a narrow base if the lesser variance of its points is below this share of its squared
+// radius: the sweeps stop its tilt in about as many sweeps as its moment of inertia exceeds that of its base.
+constexpr float kNarrow = 0.01F;
 
 // Without branches, so that a loop over the lanes becomes vector code.
 bool bears_or_touches(const BatchPoint& p, int lane) {
@@ -51,6 +57,37 @@ std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points
   unsigned mask = 0;
   for (unsigned i = 0; i < kLanes; ++i) mask |= static_cast<unsigned>(bears[i]) << i;
   return static_cast<std::uint8_t>(mask);
+}
+
+// The lesser variance of the points of each lane that bear or touch, in their plane, to a factor of two;
+// infinite for fewer than three, which are no base. Vector code as well.
+void find_widths(const ContactBatch& o, const BatchPoints& points, float (&width)[kLanes]) {
+  std::fill_n(width, kLanes, std::numeric_limits<float>::infinity());
+  if (o.point_count < 3) return;
+  float count[kLanes] = {}, mean[3][kLanes] = {}, square[6][kLanes] = {};
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    const auto& r = points.detail[k].anchor_a;
+    for (int i = 0; i < kLanes; ++i) {
+      const float weight = bears_or_touches(points.point[k], i) ? 1.0F : 0.0F;
+      const float x = weight * r[0][i], y = weight * r[1][i], z = weight * r[2][i];
+      count[i] += weight, mean[0][i] += x, mean[1][i] += y, mean[2][i] += z;
+      square[0][i] += x * x, square[1][i] += y * y, square[2][i] += z * z;
+      square[3][i] += x * y, square[4][i] += y * z, square[5][i] += z * x;
+    }
+  }
+  for (int i = 0; i < kLanes; ++i) {
+    if (count[i] < 3.0F) continue;
+    const float n = 1.0F / count[i], x = n * mean[0][i], y = n * mean[1][i], z = n * mean[2][i];
+    const float xx = n * square[0][i] - x * x, yy = n * square[1][i] - y * y, zz = n * square[2][i] - z * z;
+    const float xy = n * square[3][i] - x * y, yz = n * square[4][i] - y * z, zx = n * square[5][i] - z * x;
+    const float trace = xx + yy + zz, minors = xx * yy - xy * xy + yy * zz - yz * yz + zz * xx - zx * zx;
+    width[i] = std::max(minors, 0.0F) / std::max(trace, 1e-20F);
+  }
+}
+
+// `up`: the rise of the normal, from b to a.
+std::int32_t upper_row(const ContactBatch& o, ContactKind kind, int lane, float up) {
+  return up >= 0.0F || !is_pair(kind) ? o.a[lane] : o.b[lane];
 }
 
 Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
@@ -83,16 +120,17 @@ bool is_fast(const BodyVelocity& v) {
 }  // namespace
 
 void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) {
+  bodies_.clear();
   members_.resize(member_count);
   if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
   parent_.resize(row_count);
-  flags_.resize(parent_.size());
-  for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear();
+  flags_.resize(parent_.size()), is_borne_.resize(parent_.size());
+  for (MemberData& m : members_) m.heavy_rows.clear(), m.fresh_rows.clear();
   islands_.clear();
 }
 
 void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKind kind,
-                                         const SubstepParams& params, const Member& member) {
+                                         const Member& member) {
   const ContactBatch& o = step.graph.batch(batch);
   const BatchPoints& points = step.points;
   const BodyVelocity* const velocity = step.velocity;
@@ -102,40 +140,42 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
   float load[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane) load[lane] += points.point[k].normal_impulse[lane];
+  float width[kLanes];
+  find_widths(o, points, width);
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if ((bears >> static_cast<unsigned>(lane) & 1U) == 0) continue;
     const float a = velocity[o.a[lane]].inverse_mass,
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
     const float lighter = std::max(a, b), heavier = std::min(a, b);
-    const bool of_unequal = heavier > 0.0F && lighter > kHeavyLoad * heavier;
-    // The speed that the load gives to its bearer in a substep. The springs of spheres are never stiffened.
+    const bool of_unequal = heavier > 0.0F && lighter > kHeavyRatio * heavier;
+    // The speed that the load gives to its bearer in a substep.
     const float loading = load[lane] * lighter;
-    const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
-                             (params.mass_scale * params.bias_rate);
-    // Deflection relative to that of the direct solver.
-    const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
-    const bool is_loaded = loading > kHeavyLoad * weight_impulse;
-    if (!is_loaded && !of_unequal && excess <= kDeepTogether) continue;
+    const float up = -weight.dot(load_lane(points.point[o.first_point].normal, lane));  // from b to a
+    const std::int32_t upper = upper_row(o, kind, lane, up);
+    const bool lies = weight_impulse > 0.0F && std::abs(up) >= kLeastRise * weight_impulse;
+    const float radius = step.bodies.bounding_radius[step.partition.body(upper)];
+    const bool is_narrow = lies && width[lane] < kNarrow * radius * radius;
+    const bool is_fresh = lies && load[lane] == 0.0F && !is_sphere_kind(kind);
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.
-    const Vec3 normal = load_lane(points.point[o.first_point].normal, lane);  // from b to a
-    const float up = -weight.dot(normal);
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const bool is_heavy = is_loaded || may_bear || excess > kDeepAlone;
-    if (!is_heavy && excess <= kDeepTogether) continue;
+    const bool is_heavy = may_bear || is_narrow || loading > kHeavyLoad * weight_impulse;
+    if (!is_heavy && !is_fresh) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     MemberData& own = members_[member.index];
-    auto& rows = is_heavy ? own.heavy_rows : own.sinking_rows;
-    rows.push_back(bearer);
+    if (is_heavy)
+      own.heavy_rows.push_back(bearer);
+    else
+      own.fresh_rows.push_back(upper);
   }
 }
 
 bool HeavyIslandSolver::any_heavy_lane() const {
   return std::ranges::any_of(
-      members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.sinking_rows.empty(); });
+      members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.fresh_rows.empty(); });
 }
 
 // ---- sets of rows, which all members unite at once
@@ -173,7 +213,8 @@ void HeavyIslandSolver::mark(std::int32_t row, std::uint8_t flag) {
 
 void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Member& member) {
   std::iota(parent_.begin() + own_rows.begin, parent_.begin() + own_rows.end, own_rows.begin);
-  std::fill(flags_.begin() + own_rows.begin, flags_.begin() + own_rows.end, std::uint8_t{0});
+  for (std::vector<std::uint8_t>* flags : {&flags_, &is_borne_})
+    std::fill(flags->begin() + own_rows.begin, flags->begin() + own_rows.end, std::uint8_t{0});
   member.arrive_and_wait();
   find_own_lanes(step, member);
   member.arrive_and_wait();
@@ -204,6 +245,11 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
         const int lane = std::countr_zero(left);
         lanes.push_back({i, lane, range.kind});
         if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
+        const std::span points(step.points.point + o.first_point, static_cast<std::size_t>(o.point_count));
+        if (std::ranges::none_of(points, [&](const BatchPoint& p) { return p.normal_impulse[lane] > 0.0F; }))
+          continue;
+        const float up = -step.gravity.dot(load_lane(points.front().normal, lane));
+        std::atomic_ref(is_borne_[upper_row(o, range.kind, lane, up)]).store(1, std::memory_order_relaxed);
       }
     }
 }
@@ -214,8 +260,8 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   const MemberData& own = members_[member.index];
   for (const std::int32_t row : own.heavy_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
-  for (const std::int32_t row : own.sinking_rows)
-    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
+  for (const std::int32_t row : own.fresh_rows)
+    if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, kFresh);
   for (const auto& [batch, lane, kind] : own.lanes)
     if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
       mark(step.graph.batch(batch).a[lane], kExcluded);
@@ -233,7 +279,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     return std::ranges::any_of(rows, [&](std::int32_t row) { return is_direct(find_root(row)); });
   };
   if (std::ranges::none_of(members_, [&](const MemberData& m) {
-        return any_direct(m.heavy_rows) || any_direct(m.sinking_rows);
+        return any_direct(m.heavy_rows) || any_direct(m.fresh_rows);
       }))
     return;
   const std::size_t row_count = parent_.size();
@@ -257,11 +303,11 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   for (Island& island : islands_) {
     island.first_body = bodies_so_far;
     if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll ||
-        (!island.is_heavy && island.body_count < kMinSinkingBodies))
+        (!island.is_heavy && island.body_count < kMinChain))
       island.body_count = 0;
     bodies_so_far += island.body_count;
   }
-  rows_.resize(bodies_so_far);
+  rows_.resize(bodies_so_far), bodies_.resize(bodies_so_far);
   for (std::size_t i = 0; i < row_count; ++i)
     if (body_of_row_[i] >= 0) {
       Island& island = islands_[island_of_row_[i]];
@@ -269,7 +315,10 @@ void HeavyIslandSolver::number_islands(const Step& step) {
         body_of_row_[i] = kNone;
         continue;
       }
-      rows_[island.first_body + body_of_row_[i]] = static_cast<std::int32_t>(i);
+      const std::int32_t place = island.first_body + body_of_row_[i];
+      rows_[place] = static_cast<std::int32_t>(i);
+      bodies_[place] = {island_of_row_[i],
+                        static_cast<std::int32_t>(step.partition.body(static_cast<int>(i)))};
       const float force = bodies.wrench[partition.body(static_cast<int>(i))].force.norm();
       const float speed = h_s * gravity.norm() + Vec3(velocity[i].velocity).norm();
       island.greatest_impulse +=
@@ -476,6 +525,23 @@ void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
   }
 }
 
+double HeavyIslandSolver::PatchFriction::load(std::span<const Point> island,
+                                              const BatchPoints& points) const {
+  double load = 0.0;
+  for (const Point& p : island)
+    if (p.row[0] == patch->row && !is_pair(p.kind))
+      load += static_cast<double>(points.point[p.index].normal_impulse[p.lane]);
+  return load;
+}
+
+double HeavyIslandSolver::PatchFriction::limit_share(double load) const {
+  const auto& [x, y, torque] = patch->friction_sum;
+  const double limit = static_cast<double>(patch->friction) * load,
+               twist = torque - (patch->centre_x * y - patch->centre_y * x);
+  const double squares = x * x + y * y + twist * twist / std::max(patch->gyration_squared, 1e-12);
+  return squares / std::max(limit * limit, 1e-30);
+}
+
 double HeavyIslandSolver::Springs::lacking_speed(int k, const double* changes) const {
   double lacks = spring[k].error;
   for (int side = 0; side < 2; ++side) {
@@ -549,7 +615,9 @@ void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& poin
   for (PatchFriction& f : of.patches) {
     set_up(f, rows);
     std::fill_n(f.in_matrix, 3, false);
-    if (f.patch->is_lumped) f.update({true, true, true}, matrix);
+    f.sticks = f.patch->is_lumped ||
+               (f.patch->may_lump() && f.limit_share(f.load(of.points, points)) < kHolding * kHolding);
+    if (f.sticks) f.update({true, true, true}, matrix);
   }
 }
 
@@ -567,7 +635,7 @@ void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix
   }
   for (const PatchFriction& f : of.patches) {
     const Spring(&s)[3] = f.spring;
-    if (f.patch->is_lumped)
+    if (f.sticks)
       f.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error}, b);
   }
 }
@@ -591,11 +659,16 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   }
   // Friction that drives the slip on is that of a point which sticks.
   if (!sticks && bears && work < 0.0 && !stuck_again) return sticks = stuck_again = true;
-  const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
-  if (length <= limit) return changed;
+  double length = std::hypot(friction[0], friction[1]);
+  if (sticks && length <= limit) return changed;
   changed |= sticks && bears;
   sticks = false;
-  const double scale = law::cone_scale(length, limit);
+  // Slip has the friction of the load, also at a point that had lifted.
+  if (length == 0.0) {
+    std::copy_n(lacking + 1, 2, friction);
+    length = std::hypot(friction[0], friction[1]);
+  }
+  const double scale = limit / std::max(length, 1e-30);
   for (int k = 0; k < 2; ++k) spring[1 + k].change = scale * friction[k] - spring[1 + k].impulse;
   return changed;
 }
@@ -631,7 +704,8 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
     p.keep(q);
   }
   for (const PatchFriction& f : of.patches)
-    for (int k = 0; k < 3 && f.patch->is_lumped; ++k) {
+    for (int k = 0; k < 3 && f.sticks; ++k) {
+      f.patch->is_lumped = true;
       f.patch->friction_sum[k] += f.spring[k].change;
       move(f, k, f.patch->row, 0);
     }
@@ -660,7 +734,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     for (Point& p : of.points)
       changed |= p.follow(b, static_cast<double>(points.point[p.index].friction[p.lane]));
     for (PatchFriction& f : of.patches)
-      for (int k = 0; f.patch->is_lumped && k < 3; ++k)
+      for (int k = 0; f.sticks && k < 3; ++k)
         f.spring[k].change = f.spring[k].stiffness * f.lacking_speed(k, b);
   }
   if (changed || std::ranges::any_of(of.points, [&](Point& p) {
