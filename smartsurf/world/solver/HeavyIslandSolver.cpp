@@ -25,10 +25,12 @@ constexpr int kMaxPasses = 12;
 // A contact with a load below this many weights of the lighter body carries that body alone: the load of a
 // body at rest is below, that of a body that bears another one above.
 constexpr float kOwnWeight = 3.0F;
+// A narrow base with a load below this many weights does not bear the body alone.
+constexpr float kLeastLoad = 0.5F;
 // A body that lies on another one has a normal with at least this component along the vertical.
 constexpr float kLeastRise = 0.5F;
 // Bodies without loads as yet, of which so many are connected, may become a chain that bears a heavy one.
-constexpr int kMinChain = 3;
+constexpr int kMinChain = 2;
 // A patch of which samples slip sticks as a whole while its friction is below this share of its limit.
 constexpr double kHolding = 0.5;
 // A contact whose load exceeds the sum of its island's weights, forces and momentum by this factor is wedged:
@@ -160,7 +162,7 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     // presses only with its own weight and what it bears itself.
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const bool is_heavy = may_bear || is_narrow || loading > kHeavyLoad * weight_impulse;
+    const bool is_heavy = may_bear || loading > (is_narrow ? kLeastLoad : kHeavyLoad) * weight_impulse;
     if (!is_heavy && !is_fresh) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
@@ -169,7 +171,7 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     if (is_heavy)
       own.heavy_rows.push_back(bearer);
     else
-      own.fresh_rows.push_back(upper);
+      own.fresh_rows.push_back({upper, is_narrow ? kHeavy : kFresh});
   }
 }
 
@@ -260,8 +262,8 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   const MemberData& own = members_[member.index];
   for (const std::int32_t row : own.heavy_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
-  for (const std::int32_t row : own.fresh_rows)
-    if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, kFresh);
+  for (const auto& [row, flag] : own.fresh_rows)
+    if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
   for (const auto& [batch, lane, kind] : own.lanes)
     if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
       mark(step.graph.batch(batch).a[lane], kExcluded);
@@ -275,13 +277,12 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   const auto is_direct = [this](std::int32_t root) {
     return flags_[root] != 0 && (flags_[root] & kExcluded) == 0;
   };
-  const auto any_direct = [&](std::span<const std::int32_t> rows) {
-    return std::ranges::any_of(rows, [&](std::int32_t row) { return is_direct(find_root(row)); });
+  const auto any_direct = [&](const MemberData& m) {
+    const auto is_row_direct = [&](std::int32_t row) { return is_direct(find_root(row)); };
+    return std::ranges::any_of(m.heavy_rows, is_row_direct) ||
+           std::ranges::any_of(m.fresh_rows, is_row_direct, &Fresh::row);
   };
-  if (std::ranges::none_of(members_, [&](const MemberData& m) {
-        return any_direct(m.heavy_rows) || any_direct(m.fresh_rows);
-      }))
-    return;
+  if (std::ranges::none_of(members_, any_direct)) return;
   const std::size_t row_count = parent_.size();
   constexpr std::int32_t kNone = -1;
   island_of_row_.assign(row_count, kNone);
@@ -659,16 +660,11 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   }
   // Friction that drives the slip on is that of a point which sticks.
   if (!sticks && bears && work < 0.0 && !stuck_again) return sticks = stuck_again = true;
-  double length = std::hypot(friction[0], friction[1]);
-  if (sticks && length <= limit) return changed;
+  const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
+  if (length <= limit) return changed;
   changed |= sticks && bears;
   sticks = false;
-  // Slip has the friction of the load, also at a point that had lifted.
-  if (length == 0.0) {
-    std::copy_n(lacking + 1, 2, friction);
-    length = std::hypot(friction[0], friction[1]);
-  }
-  const double scale = limit / std::max(length, 1e-30);
+  const double scale = law::cone_scale(length, limit);
   for (int k = 0; k < 2; ++k) spring[1 + k].change = scale * friction[k] - spring[1 + k].impulse;
   return changed;
 }

@@ -67,8 +67,14 @@ class HeavyIslandSolver {
     std::int32_t batch, lane;
     ContactKind kind;
   };
+  // A body that meets what it lies on, and the flag of its set if nothing bears it yet.
+  struct Fresh {
+    std::int32_t row;
+    std::uint8_t flag;
+  };
   struct alignas(128) MemberData {
-    std::vector<std::int32_t> heavy_rows, fresh_rows;
+    std::vector<std::int32_t> heavy_rows;
+    std::vector<Fresh> fresh_rows;
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
