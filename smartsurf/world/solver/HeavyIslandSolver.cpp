@@ -616,8 +616,8 @@ void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& poin
   for (PatchFriction& f : of.patches) {
     set_up(f, rows);
     std::fill_n(f.in_matrix, 3, false);
-    f.sticks = f.patch->is_lumped ||
-               (f.patch->may_lump() && f.limit_share(f.load(of.points, points)) < kHolding * kHolding);
+    const auto holds = [&] { return f.limit_share(f.load(of.points, points)) < kHolding * kHolding; };
+    f.sticks = f.patch->friction > 0.0F && (f.patch->is_lumped || (f.patch->may_lump() && holds()));
     if (f.sticks) f.update({true, true, true}, matrix);
   }
 }
