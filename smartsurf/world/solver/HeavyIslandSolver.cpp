@@ -27,6 +27,8 @@ constexpr int kMaxPasses = 12;
 constexpr float kOwnWeight = 3.0F;
 // A narrow base with a load below this many weights does not bear the body alone.
 constexpr float kLeastLoad = 0.5F;
+// A load is off the middle of its base from half of the way to an edge on.
+constexpr float kEccentric = 0.25F;
 // A body that lies on another one has a normal with at least this component along the vertical.
 constexpr float kLeastRise = 0.5F;
 // Bodies without loads as yet, of which so many are connected, may become a chain that bears a heavy one.
@@ -61,12 +63,23 @@ std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points
   return static_cast<std::uint8_t>(mask);
 }
 
-// The lesser variance of the points of each lane that bear or touch, in their plane, to a factor of two;
-// infinite for fewer than three, which are no base. Vector code as well.
-void find_widths(const ContactBatch& o, const BatchPoints& points, float (&width)[kLanes]) {
-  std::fill_n(width, kLanes, std::numeric_limits<float>::infinity());
-  if (o.point_count < 3) return;
-  float count[kLanes] = {}, mean[3][kLanes] = {}, square[6][kLanes] = {};
+// What the points of each lane that bear or touch are as a base.
+struct Bases {
+  // The lesser variance of the points in their plane, to a factor of two; infinite for fewer than three,
+  // which are no base.
+  float width[kLanes];
+  // How far the load is off the middle: its squared offset over the variance of the points in that direction.
+  float eccentricity[kLanes];
+};
+
+// Vector code as well.
+Bases find_bases(const ContactBatch& o, const BatchPoints& points) {
+  Bases bases;
+  std::fill_n(bases.width, kLanes, std::numeric_limits<float>::infinity());
+  std::fill_n(bases.eccentricity, kLanes, 0.0F);
+  if (o.point_count < 3) return bases;
+  float count[kLanes] = {}, mean[3][kLanes] = {}, square[6][kLanes] = {}, load[kLanes] = {},
+        moment[3][kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
     const auto& r = points.detail[k].anchor_a;
     for (int i = 0; i < kLanes; ++i) {
@@ -75,6 +88,9 @@ void find_widths(const ContactBatch& o, const BatchPoints& points, float (&width
       count[i] += weight, mean[0][i] += x, mean[1][i] += y, mean[2][i] += z;
       square[0][i] += x * x, square[1][i] += y * y, square[2][i] += z * z;
       square[3][i] += x * y, square[4][i] += y * z, square[5][i] += z * x;
+      const float impulse = points.point[k].normal_impulse[i];
+      load[i] += impulse;
+      for (int axis = 0; axis < 3; ++axis) moment[axis][i] += impulse * r[axis][i];
     }
   }
   for (int i = 0; i < kLanes; ++i) {
@@ -83,8 +99,14 @@ void find_widths(const ContactBatch& o, const BatchPoints& points, float (&width
     const float xx = n * square[0][i] - x * x, yy = n * square[1][i] - y * y, zz = n * square[2][i] - z * z;
     const float xy = n * square[3][i] - x * y, yz = n * square[4][i] - y * z, zx = n * square[5][i] - z * x;
     const float trace = xx + yy + zz, minors = xx * yy - xy * xy + yy * zz - yz * yz + zz * xx - zx * zx;
-    width[i] = std::max(minors, 0.0F) / std::max(trace, 1e-20F);
+    bases.width[i] = std::max(minors, 0.0F) / std::max(trace, 1e-20F);
+    if (!(load[i] > 0.0F)) continue;
+    const float m = 1.0F / load[i], u = m * moment[0][i] - x, v = m * moment[1][i] - y,
+                w = m * moment[2][i] - z, squared = u * u + v * v + w * w;
+    const float along = u * u * xx + v * v * yy + w * w * zz + 2.0F * (u * v * xy + v * w * yz + w * u * zx);
+    bases.eccentricity[i] = squared * squared / std::max(along, 1e-20F);
   }
+  return bases;
 }
 
 // `up`: the rise of the normal, from b to a.
@@ -142,8 +164,7 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
   float load[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane) load[lane] += points.point[k].normal_impulse[lane];
-  float width[kLanes];
-  find_widths(o, points, width);
+  const Bases bases = find_bases(o, points);
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if ((bears >> static_cast<unsigned>(lane) & 1U) == 0) continue;
     const float a = velocity[o.a[lane]].inverse_mass,
@@ -156,13 +177,16 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     const std::int32_t upper = upper_row(o, kind, lane, up);
     const bool lies = weight_impulse > 0.0F && std::abs(up) >= kLeastRise * weight_impulse;
     const float radius = step.bodies.bounding_radius[step.partition.body(upper)];
-    const bool is_narrow = lies && width[lane] < kNarrow * radius * radius;
+    const bool is_narrow = lies && bases.width[lane] < kNarrow * radius * radius;
     const bool is_fresh = lies && load[lane] == 0.0F && !is_sphere_kind(kind);
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const bool is_heavy = may_bear || loading > (is_narrow ? kLeastLoad : kHeavyLoad) * weight_impulse;
+    const float heavy_load = is_narrow                               ? kLeastLoad
+                             : bases.eccentricity[lane] > kEccentric ? kOffCentreLoad
+                                                                     : kHeavyLoad;
+    const bool is_heavy = may_bear || loading > heavy_load * weight_impulse;
     if (!is_heavy && !is_fresh) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];

@@ -25,9 +25,9 @@ namespace smartsurf::world {
 
 class HeavyIslandSolver {
  public:
-  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so
-  // does a body that bears one heavier by the ratio.
-  static constexpr float kHeavyLoad = 2.5F, kHeavyRatio = 16.0F;
+  // A load heavier than this many times the weight of the body that bears it makes an island heavy, a lesser
+  // one where it is off the middle of the base, and so does a body that bears one heavier by the ratio.
+  static constexpr float kHeavyLoad = 16.0F, kOffCentreLoad = 2.5F, kHeavyRatio = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
