@@ -16,7 +16,11 @@ namespace {
 constexpr float kMinOverlap = 1e-6F;  // rounding errors of a position, u
 // A sphere hits two static surfaces at once if this far from the second when it hits the first, u.
 constexpr float kSameInstant = 1e-4F;
-constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
+constexpr int kMaxSetBackPasses = 4;
+// A blow ends after this many generations, if those have had this many points: a light body between heavy
+// ones goes back and forth a hundred times before its blow is over.
+constexpr int kMinGenerations = 16;
+constexpr std::size_t kMinBlowPoints = 4096;
 constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
 // A contact without restitution resists a blow if it approaches at this share of the speed of the blow.
 constexpr float kResistingShare = 0.02F;
@@ -253,15 +257,18 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   for (const bool is_pair : {false, true}) is_point_[is_pair].assign(step.list(is_pair).contacts.size(), 0);
   index_manifolds(step);
   set_back_bodies(step);
-  for (int generation = 0; generation < kMaxGenerations; ++generation) {
+  std::size_t blow_points = 0;
+  is_last_ = false;
+  for (int generation = 0; !is_last_; ++generation) {
     clear_points(step);
     tolerance_ = generation == 0 ? kFirstTolerance : kTolerance;
-    is_last_ = generation + 1 == kMaxGenerations;
+    is_last_ = generation + 1 >= kMinGenerations && blow_points >= kMinBlowPoints;
     if (generation == 0)
       add_hits(step);
     else
       for (const ManifoldRef& m : active_) add_approaching_points(step, m);
     if (points_.empty()) break;
+    blow_points += points_.size();
     run_sweeps(Task::kSolvePoints, step, member, sweeps_of(points_.size()));
     moved_bodies_.clear();
     int pass = 0;
