@@ -17,8 +17,8 @@ constexpr float kMinOverlap = 1e-6F;  // rounding errors of a position, u
 // A sphere hits two static surfaces at once if this far from the second when it hits the first, u.
 constexpr float kSameInstant = 1e-4F;
 constexpr int kMaxSetBackPasses = 4;
-// A blow ends after this many generations, if those have had this many points: a light body between heavy
-// ones goes back and forth a hundred times before its blow is over.
+// A blow ends after this many generations, but while bodies rebound not before this many points: a light body
+// between heavy ones goes back and forth a hundred times.
 constexpr int kMinGenerations = 16;
 constexpr std::size_t kMinBlowPoints = 4096;
 constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
@@ -258,11 +258,12 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   index_manifolds(step);
   set_back_bodies(step);
   std::size_t blow_points = 0;
-  is_last_ = false;
+  is_last_ = false, rebounds_ = true;
   for (int generation = 0; !is_last_; ++generation) {
     clear_points(step);
     tolerance_ = generation == 0 ? kFirstTolerance : kTolerance;
-    is_last_ = generation + 1 >= kMinGenerations && blow_points >= kMinBlowPoints;
+    is_last_ = generation + 1 >= kMinGenerations && (!rebounds_ || blow_points >= kMinBlowPoints);
+    rebounds_ = false;
     if (generation == 0)
       add_hits(step);
     else
@@ -545,6 +546,7 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   if (touches && least < -kRestitutionThreshold) {
     // A body that surfaces squeeze would bounce between them without end.
     const bool is_elastic = !is_last_ && (ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits);
+    rebounds_ |= is_elastic;
     for (const Approaching& a : approaching_) {
       Point p = make_point(step, m, *a.contact);
       set_target(p, is_elastic ? a.rebound_speed : 0.0F, 0.0F);

@@ -247,6 +247,7 @@ class ImpactSolver {
   std::vector<char> is_active_pair_;
   float tolerance_ = 0.0F;  // of the current generation
   bool is_last_ = false;    // of the generations: without restitution
+  bool rebounds_ = false;   // a contact of the last generation
   std::vector<Approaching> approaching_;
   std::vector<float> blow_speed_;           // by body
   std::vector<std::int32_t> moved_bodies_;  // in the current generation
