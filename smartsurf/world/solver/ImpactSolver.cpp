@@ -400,10 +400,15 @@ void ImpactSolver::move_pair_on(const Step& step, std::size_t first, std::size_t
 }
 
 // Removes what the overlap has grown by in the step, if that exceeds `min_overlap`. Each body gives way by
-// the share that it has in the approach. Not by mass: a body at rest stays where it is.
+// the share that it has in the approach. Not by mass: a body at rest stays where it is. Nor does one with
+// joints give way, off which it would be; see NativeEngine::stop_jointed().
 void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap,
                             Hit* hit) {
   if (c.gives_way()) return;
+  const auto moves = [&](std::int32_t body) {
+    return step.velocity[step.partition.row(body)].inverse_mass > 0.0F && !step.bodies.is_jointed[body];
+  };
+  const bool moves_a = moves(m.a), moves_b = m.b >= 0 && moves(m.b);
   const Sides s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
   if (!(overlap > min_overlap)) return;
@@ -412,8 +417,8 @@ void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
     float a = std::max(-c.normal.dot(s.displacement_a()), 0.0F),
           b = std::max(c.normal.dot(s.displacement_b(step.dt_s)), 0.0F);
     if (!(a + b > 0.0F)) a = s.velocity_a->inverse_mass, b = s.velocity_b->inverse_mass;
-    if (s.velocity_a->inverse_mass == 0.0F) a = 0.0F;
-    if (s.velocity_b->inverse_mass == 0.0F) b = 0.0F;
+    if (!moves_a) a = 0.0F;
+    if (!moves_b) b = 0.0F;
     if (!(a + b > 0.0F)) return;
     share_a = a / (a + b);
     if (share_a < 1.0F) {
@@ -423,7 +428,7 @@ void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
       mark_changed(step, m.b);
     }
   }
-  if (share_a > 0.0F && s.velocity_a->inverse_mass > 0.0F) {
+  if (share_a > 0.0F && moves_a) {
     const Vec3 change = share_a * overlap * c.normal;
     Vec(s.delta_a->translation) += change;
     if (hit != nullptr) hit->set_back_a += change;
