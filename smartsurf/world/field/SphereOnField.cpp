@@ -29,13 +29,13 @@ Vec3 offset_from(const Column& q, const Vec3& p) {
 // impact as tangents lead Newton's method to the root of a convex function.
 void advance_to_impact(const Column& q, const Vec3& centre, float radius, const Vec3& motion,
                        SphereCandidate& plane) {
-  constexpr int kMaxAdvances = 8;
+  constexpr int kNewtonSteps = 8;
   constexpr float kTouching = 1e-3F;  // of the radius
   constexpr float kFirst = 1e-6F;
   const float touching = kTouching * radius;
   float separation = plane.separation, time = 0.0F;
   if (separation <= touching) return;
-  for (int i = 0; i < kMaxAdvances && separation > touching; ++i) {
+  for (int i = 0; i < kNewtonSteps && separation > touching; ++i) {
     const float closing = -plane.normal.dot(motion);
     if (closing > 0.0F) time += separation / closing;
     if (!(closing > 0.0F && time < 1.0F)) {
