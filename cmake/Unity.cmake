@@ -1,7 +1,7 @@
 # Joined sources: files of a target are compiled as one, so that headers and templates are compiled once for all of them.
 # All presets but debug and coverage use it; debug, and with it scripts/lint, compiles each file alone, which shows that it
-# is complete. The presets of scripts/test join up to 64 files, release 16, whose parts compile side by side: GCC takes a third
-# less processor time for the view's 55 files in two parts than in five.
+# is complete. The presets of the sanitizers join up to 64 files: Clang then takes a sixth less processor time. The others join
+# 16, so that an edit compiles in seconds.
 option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
 set(SMARTSURF_UNITY_FILES 16 CACHE STRING "How many files of a target are compiled together at most")
 if(SMARTSURF_UNITY)
