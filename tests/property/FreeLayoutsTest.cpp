@@ -326,8 +326,7 @@ TEST_P(FreeLayouts, RoundBodiesRollStraightOverNarrowGaps) {
     auto ball = i % 2 == 0 ? sphere(radius, {from.x(), from.y(), radius})
                            : cylinder(radius, 1.5, {from.x(), from.y(), radius});
     if (i % 2 == 1)
-      ball.orientation = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(),
-                                                            Eigen::Vector3d(-along.y(), along.x(), 0));
+      ball.orientation = Eigen::AngleAxisd(-std::numbers::pi / 2, Eigen::Vector3d(along.x(), along.y(), 0));
     ball.velocity = {speed * along.x(), speed * along.y(), 0};
     ball.angular_velocity = speed / radius * Eigen::Vector3d(-along.y(), along.x(), 0);
     const auto id = f.add(ball);
