@@ -217,7 +217,6 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, const Ma
                                 float slip_limit, std::span<const Contact> previous,
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
-  const Columns columns(field_);
   const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
   const float lowest = lowest_point(*bodies.shape[i], centre, axes);
@@ -257,8 +256,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, const Ma
       c.separation = points.separation(k);
       c.partner = Partner::kCell;
       c.feature_id = p.cell;
-      set_surface_velocity(columns, p.cell / field_.columns, p.cell % field_.columns,
-                           p.on_cell + Vec3(0, 0, height_change(p)), c);
+      set_surface_velocity(field_, p.on_cell + Vec3(0, 0, height_change(p)), c);
     }
   }
   return true;
