@@ -42,10 +42,11 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   const Vec3 across = normal - normal_along * axis;
   // The lowest point of a surface of revolution, or of a rim, rolls over it. The other points of an end stay,
   // as do all where it stands on it.
-  constexpr float kStandingHeight = 4e-3F, kLowest = 0.9F, kRim = 0.98F;
+  constexpr float kStandingHeight = 4e-3F, kLowest = 0.9F, kRim = 0.98F, kTip = 0.1F;
   const float steepness = across.norm();
   if (2.0F * shape.radius * steepness < kStandingHeight) return {};
-  if (across.dot(from_origin) > -kLowest * steepness * from_axis) return {};
+  if (from_axis > kTip * shape.radius && across.dot(from_origin) > -kLowest * steepness * from_axis)
+    return {};
   const bool faces_end = shape.kind == scene::ShapeKind::kCone ? normal_along > 0.0F : steepness < kEndSine;
   if (faces_end && from_axis < kRim * shape.radius) return {};
   constexpr float kMinRadius = 1e-4F;  // of a cone, near its tip
