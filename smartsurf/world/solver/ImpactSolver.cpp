@@ -101,7 +101,7 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
 }  // namespace
 
 ImpactSolver::Sides::Sides(const Step& step, const Manifold& m, const Contact& c)
-    : surface_velocity(c.surface_velocity) {
+    : surface_velocity(c.surface_velocity + 0.5F * step.dt_s * c.surface_acceleration) {
   const BodyStore& bodies = step.bodies;
   velocity_a = step.velocity + step.partition.row(m.a);
   delta_a = step.delta_pose + step.partition.row(m.a);
