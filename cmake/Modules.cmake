@@ -115,6 +115,22 @@ function(run_sanitized_only program test)
   set_property(TEST ${test} APPEND PROPERTY LABELS sanitized)
 endfunction()
 
+# compile_as_test(<target> <library>…): a program, linked with these, whose own code does little: compiled in the least time.
+function(compile_as_test target)
+  if("${ARGN}" MATCHES "smartsurf_")
+    precompile(${target} precompiled_smartsurf_test)
+  else()
+    precompile(${target} precompiled_apron_test)
+  endif()
+  target_compile_options(${target} PRIVATE ${SMARTSURF_TEST_OPTIONS})
+  target_compile_definitions(${target} PRIVATE GTEST_HAS_PTHREAD=1)  # as those of the precompiled headers
+  set_target_properties(${target} PROPERTIES IS_UNIT_TEST ON)
+endfunction()
+# What the tests are compiled with that compute or wait on their own.
+if(SMARTSURF_SANITIZE)
+  set(optimised_test_options ${SMARTSURF_OPTIMISED_OPTIONS})
+endif()
+
 # add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under LABEL [unit]: a unit test and
 # whatever runs under AddressSanitizer as a whole, because processes take longer to start than most cases take, and others
 # case by case.
@@ -165,15 +181,12 @@ function(add_module_test name)
   endforeach()
   target_link_libraries(${name} PRIVATE project_options ${T_LIBS} GTest::gtest GTest::gtest_main)
   if(NOT T_OPTIMISED)
-    if("${T_LIBS}" MATCHES "smartsurf_")
-      precompile(${name} precompiled_smartsurf_test)
-    else()
-      precompile(${name} precompiled_apron_test)
+    compile_as_test(${name} ${T_LIBS})
+  else()
+    if(NOT "${T_LIBS}" MATCHES "smartsurf_")
+      precompile(${name} precompiled_optimised_test)
     endif()
-    target_compile_options(${name} PRIVATE ${SMARTSURF_TEST_OPTIONS})
-    set_target_properties(${name} PROPERTIES IS_UNIT_TEST ON)
-  elseif(SMARTSURF_SANITIZE)
-    target_compile_options(${name} PRIVATE ${SMARTSURF_OPTIMISED_OPTIONS})
+    target_compile_options(${name} PRIVATE ${optimised_test_options})
   endif()
   join_sources(${name})
   if(SMARTSURF_SANITIZE MATCHES "address")

@@ -1,8 +1,9 @@
-# Joined sources: up to sixteen files of a target are compiled as one, so that headers and templates are compiled once for
-# all of them. All presets but debug and coverage use it; debug, and with it scripts/lint, compiles each file alone, which
-# shows that it is complete.
+# Joined sources: files of a target are compiled as one, so that headers and templates are compiled once for all of them.
+# All presets but debug and coverage use it; debug, and with it scripts/lint, compiles each file alone, which shows that it
+# is complete. The presets of the sanitizers join up to 64 files: Clang then takes a sixth less processor time. The others join
+# 16, so that an edit compiles in seconds.
 option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
-set(unity_batch_size 16)
+set(SMARTSURF_UNITY_FILES 16 CACHE STRING "How many files of a target are compiled together at most")
 if(SMARTSURF_UNITY)
   target_compile_options(project_options INTERFACE
     $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>  # takes a joined file's anonymous namespace for a header's
@@ -33,8 +34,8 @@ function(read_private_names file variable)
       list(APPEND names ${CMAKE_MATCH_2})
     elseif(line MATCHES "^\n[^={(]+[^A-Za-z0-9_]([A-Za-z0-9_]+) *[={(]")
       set(name ${CMAKE_MATCH_1})
-      string(REGEX MATCHALL ", k[A-Z][A-Za-z0-9]* =" more "${line}")  # constants that are declared together
-      string(REGEX REPLACE "[, =]" "" more "${more}")
+      string(REGEX MATCHALL ", \\*?k[A-Z][A-Za-z0-9]* =" more "${line}")  # constants that are declared together
+      string(REGEX REPLACE "[, *=]" "" more "${more}")
       list(APPEND names ${name} ${more})
     endif()
   endforeach()
@@ -66,7 +67,7 @@ function(join_sources target)
       set(others ${names_${batch}})
       list(REMOVE_ITEM others ${names})
       list(LENGTH others rest)
-      if(rest EQUAL count_${batch} AND size_${batch} LESS unity_batch_size)
+      if(rest EQUAL count_${batch} AND size_${batch} LESS SMARTSURF_UNITY_FILES)
         break()
       endif()
       math(EXPR batch "${batch} + 1")

@@ -347,7 +347,7 @@ void NativeEngine::stop_jointed() {
   for (const Stop& s : stops_)
     if (is_jointed(s)) joints_.end_early(s.body, s.fraction);
   std::erase_if(stops_, is_jointed);
-  solver_->move_back(joints_, bodies_);
+  solver_->end_motion(joints_, bodies_);
 }
 
 // Moves the bodies by what the solver found, and collects what depends on one body or contact alone.

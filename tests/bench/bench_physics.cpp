@@ -20,7 +20,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -164,15 +163,11 @@ Result run_smartsurf(const Workload& w, const Options& options) {
   std::vector<float> targets;
   StageTimes times;
   const int settling_count = settling_steps(w);
-  std::chrono::steady_clock::time_point start;
-  std::clock_t cpu_start = 0;
-  double physics_cpu_ms = 0;
+  double wall_ms = 0, cpu_ms = 0, physics_cpu_ms = 0;
   for (int i = 0; i < settling_count + options.steps; ++i) {
-    if (i == settling_count) {
-      start = std::chrono::steady_clock::now();
-      cpu_start = std::clock();
-    }
-    compute_targets(w, i * kStepSeconds, targets);
+    compute_targets(w, i * kStepSeconds, targets);  // the controller's work
+    const auto start = std::chrono::steady_clock::now();
+    const double cpu_start = bench::processor_ms();
     const double plan = bench::elapsed_ms([&] {
       cells.set_targets(0, targets);
       cells.plan(kStepSeconds);
@@ -184,6 +179,8 @@ Result run_smartsurf(const Workload& w, const Options& options) {
     const double snapshot_time = bench::elapsed_ms([&] { world.snapshot(snapshot, true); });
     const double sensors = bench::elapsed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settling_count) continue;
+    cpu_ms += bench::processor_ms() - cpu_start;
+    wall_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     times.physics.push_back(physics);
     times.sensors.push_back(sensors);
     times.snapshot.push_back(snapshot_time);
@@ -191,11 +188,10 @@ Result run_smartsurf(const Workload& w, const Options& options) {
   }
   Result r{bench::median(times.physics), bench::median(times.sensors), bench::median(times.snapshot),
            bench::median(times.pins)};
-  r.cpu_ms = 1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC / options.steps;
+  r.cpu_ms = cpu_ms / options.steps;
+  r.wall_ms = wall_ms / options.steps;
   r.physics_cpu_ms = physics_cpu_ms / options.steps;
   r.physics_mean_ms = std::accumulate(times.physics.begin(), times.physics.end(), 0.0) / options.steps;
-  r.wall_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count() /
-              options.steps;
   r.state_hash = snapshot.state_hash;
   r.sleeping = world.sleeping_count();
   std::vector<Sphere> spheres;
@@ -215,11 +211,10 @@ Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
   std::vector<float> targets, heights;
   StageTimes times;
   const int settling_count = settling_steps(w);
-  double spent_ms = 0;
-  std::clock_t cpu_start = 0;
+  double spent_ms = 0, cpu_ms = 0;
   for (int i = 0; i < settling_count + options.steps && (i <= settling_count + 5 || spent_ms < 12e3); ++i) {
-    if (i == settling_count) cpu_start = std::clock();
     compute_targets(w, i * kStepSeconds, targets);
+    const double cpu_start = bench::processor_ms();
     cells.set_targets(0, targets);
     cells.plan(kStepSeconds);
     cells.commit(kStepSeconds);
@@ -228,11 +223,11 @@ Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
     if (i < settling_count) continue;
     times.physics.push_back(physics);
     times.sensors.push_back(bench::elapsed_ms([&] { peer.sense(heights); }));
+    cpu_ms += bench::processor_ms() - cpu_start;
     spent_ms += physics + times.sensors.back();
   }
   Result r{bench::median(times.physics), bench::median(times.sensors)};
-  r.cpu_ms = 1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC /
-             static_cast<double>(times.physics.size());
+  r.cpu_ms = cpu_ms / static_cast<double>(times.physics.size());
   std::vector<Sphere> spheres;
   for (int i = 0; i < w.objects; ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)

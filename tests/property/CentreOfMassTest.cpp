@@ -132,7 +132,7 @@ TEST_P(CentreOfMass, LoadedRoundBodiesKeepTheirSwing) {
     slab.fixed = on < 2;
     if (on >= 2) slab.mass = 1e5;
     if (on >= 1 && on < 3) scene.add(slab);
-    const double radius = draw(0.6, 1.6), kind = draw(0, 3), height = draw(1, 3), amplitude = draw(0.1, 0.4);
+    const double radius = draw(0.6, 1.6), kind = draw(0, 3), height = draw(1, 3), amplitude = draw(0.1, 1.2);
     const Vector3d at(15, 15, ground + radius);
     ObjectSpec body = kind < 1   ? sphere(radius, at)
                       : kind < 2 ? cylinder(radius, height, at)

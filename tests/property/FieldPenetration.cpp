@@ -1,5 +1,6 @@
 #include "tests/property/FieldPenetration.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -80,27 +81,54 @@ double penetration_into_field(const surface::Field& f, const Shape& shape, const
   for (int i = 0; i < f.cells(); ++i) {
     const Eigen::Vector2f cell = f.centre(i);
     const float top = f.height[static_cast<std::size_t>(i)];
-    if ((cell - pose.centre.head<2>()).cwiseAbs().maxCoeff() > reach || top < pose.centre.z() - reach)
+    if ((cell - pose.centre.head<2>()).norm() > reach + f.half_top_y || top < pose.centre.z() - reach)
       continue;
+    const Mat3 turn = Eigen::AngleAxisf(f.angle_of(i), Vec3::UnitZ()).toRotationMatrix();
+    const Vec3 origin(cell.x(), cell.y(), 0);
     for (const Vec3& local : points) {
-      const Vec3 p = pose.centre + pose.axes * local;
-      deepest = std::max(deepest, std::min({top - p.z(), f.half_top_x - std::abs(p.x() - cell.x()),
-                                            f.half_top_y - std::abs(p.y() - cell.y())}));
+      const Vec3 p = turn.transpose() * (pose.centre + pose.axes * local - origin);
+      deepest = std::max(
+          deepest, std::min({top - p.z(), f.half_top_x - std::abs(p.x()), f.half_top_y - std::abs(p.y())}));
     }
     constexpr int kEdgeSamples = 4;
     for (int k = -kEdgeSamples; k <= kEdgeSamples; ++k) {
       const float u = static_cast<float>(k) / kEdgeSamples;
-      for (const float side : {-1.0F, 1.0F}) {
-        deepest = std::max(
-            deepest,
-            depth_of(shape, pose, {cell.x() + side * f.half_top_x, cell.y() + u * f.half_top_y, top}));
-        deepest = std::max(
-            deepest,
-            depth_of(shape, pose, {cell.x() + u * f.half_top_x, cell.y() + side * f.half_top_y, top}));
-      }
+      for (const float side : {-1.0F, 1.0F})
+        for (const Vec3& at : {Vec3(side * f.half_top_x, u * f.half_top_y, top),
+                               Vec3(u * f.half_top_x, side * f.half_top_y, top)})
+          deepest = std::max(deepest, depth_of(shape, pose, turn * at + origin));
     }
   }
   return deepest;
+}
+
+double distance_to_field(const surface::Field& f, const Shape& shape, const scene::Snapshot& snapshot,
+                         std::size_t object) {
+  constexpr int kSamples = 4;
+  const Pose pose = pose_of(snapshot, object);
+  const std::vector<Vec3> points = surface_points(shape, pose);
+  float least = shape.bounding_radius;
+  for (int i = 0; i < f.cells(); ++i) {
+    const Eigen::Vector2f cell = f.centre(i);
+    const Mat3 turn = Eigen::AngleAxisf(f.angle_of(i), Vec3::UnitZ()).toRotationMatrix();
+    const Vec3 top_centre(cell.x(), cell.y(), f.height[static_cast<std::size_t>(i)]);
+    if ((top_centre - pose.centre).norm() > 2.0F * (shape.bounding_radius + f.half_top_x + f.half_top_y))
+      continue;
+    for (const Vec3& local : points) {
+      const Vec3 p = turn.transpose() * (pose.centre + pose.axes * local - top_centre);
+      if (std::abs(p.x()) < f.half_top_x && std::abs(p.y()) < f.half_top_y) least = std::min(least, p.z());
+    }
+    for (int k = -kSamples; k <= kSamples; ++k)
+      for (int m = -kSamples; m <= kSamples; ++m) {
+        const Vec3 local(static_cast<float>(k) / kSamples * f.half_top_x,
+                         static_cast<float>(m) / kSamples * f.half_top_y, 0);
+        for_each_part(shape, [&](const ConvexPart& part) {
+          const Vec3 p = pose.axes.transpose() * (top_centre + turn * local - pose.centre);
+          least = std::min(least, signed_distance(part, p).distance);
+        });
+      }
+  }
+  return least;
 }
 
 double overlap(const Shape& a, const Shape& b, const scene::Snapshot& snapshot, std::size_t object_a,

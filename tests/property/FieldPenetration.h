@@ -12,6 +12,10 @@ namespace physics_fixture {
 double penetration_into_field(const smartsurf::surface::Field&, const smartsurf::world::Shape&,
                               const smartsurf::scene::Snapshot&, std::size_t object);
 
+// An estimate of the distance from the shape to the nearest top, u; not positive if it touches one.
+double distance_to_field(const smartsurf::surface::Field&, const smartsurf::world::Shape&,
+                         const smartsurf::scene::Snapshot&, std::size_t object);
+
 // Estimate of the depth by which two shapes overlap, u.
 double overlap(const smartsurf::world::Shape& a, const smartsurf::world::Shape& b,
                const smartsurf::scene::Snapshot&, std::size_t object_a, std::size_t object_b);

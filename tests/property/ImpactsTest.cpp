@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "tests/property/PhysicsFixture.h"
@@ -28,6 +29,47 @@ struct ImpactFixture : PhysicsFixture {
   }
 };
 
+// Balls of radius 1 in a row, without gravity; a moving one has a free path before it.
+struct Row {
+  std::vector<double> mass, speed;
+  double gap;
+
+  double energy(const std::vector<double>& speeds) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < mass.size(); ++i) sum += 0.5 * mass[i] * speeds[i] * speeds[i];
+    return sum;
+  }
+  // Elastic collisions of three balls, one after the other. `least_closing`: the least speed at which two
+  // meet.
+  std::vector<double> collide_in_order(double& least_closing) const {
+    std::vector<double> v = speed;
+    const auto hit = [&](std::size_t a) {
+      const double closing = v[a] - v[a + 1],
+                   impulse = 2 * closing * mass[a] * mass[a + 1] / (mass[a] + mass[a + 1]);
+      v[a] -= impulse / mass[a], v[a + 1] += impulse / mass[a + 1];
+      least_closing = std::min(least_closing, closing);
+    };
+    for (std::size_t a = 0; v[a] > v[a + 1]; a = 1 - a) hit(a);
+    return v;
+  }
+  std::vector<double> simulate(double dt_s, double e) const {
+    ImpactFixture fixture(dt_s, e, 0.0);
+    fixture.scene.world.gravity = {0, 0, 0};
+    std::vector<ObjectId> balls;
+    for (std::size_t i = 0; i < mass.size(); ++i) {
+      auto ball = sphere(1.0, {5.0 + (2.0 + gap) * static_cast<double>(i), 15, 20});
+      ball.mass = mass[i];
+      ball.velocity = {speed[i], 0, 0};
+      if (speed[i] > 0) ball.position.x() -= 0.3;
+      balls.push_back(fixture.add(ball));
+    }
+    fixture.run(0.5);
+    std::vector<double> speeds;
+    for (const ObjectId id : balls) speeds.push_back(fixture.velocity(id).x());
+    return speeds;
+  }
+};
+
 // Speeds of equal balls in a row after all collisions, each by pairs.
 std::vector<double> collide_by_pairs(std::vector<double> speeds, double e) {
   for (bool any = true; any;) {
@@ -43,23 +85,6 @@ std::vector<double> collide_by_pairs(std::vector<double> speeds, double e) {
   return speeds;
 }
 
-std::vector<double> simulate_row(double dt_s, double e, double gap, const std::vector<double>& speeds) {
-  ImpactFixture fixture(dt_s, e, 0.3);
-  fixture.scene.world.gravity = {0, 0, 0};
-  std::vector<ObjectId> row;
-  for (std::size_t i = 0; i < speeds.size(); ++i) {
-    auto ball = sphere(1.0, {5.0 + (2.0 + gap) * static_cast<double>(i), 15, 20});
-    ball.velocity = {speeds[i], 0, 0};
-    // The moving balls start with a free path.
-    if (speeds[i] > 0) ball.position.x() -= 0.3;
-    row.push_back(fixture.add(ball));
-  }
-  fixture.run(0.5);
-  std::vector<double> result;
-  for (const ObjectId id : row) result.push_back(fixture.velocity(id).x());
-  return result;
-}
-
 }  // namespace
 
 TEST(Impact, BlowTravelsThroughRowOfBalls) {
@@ -70,11 +95,47 @@ TEST(Impact, BlowTravelsThroughRowOfBalls) {
       for (const double e : {1.0, gap > 0.01 ? 1.0 : 0.8, gap > 0.01 ? 1.0 : 0.5})
         // With wide gaps the order of the collisions, and with it the result, is another.
         for (const auto& speeds : {std::vector<double>{4, 0, 0, 0, 0}, {4, 4, 0, 0, 0}, {4, 4, 4, 0, 0}}) {
-          const auto actual = simulate_row(dt_s, e, gap, speeds), predicted = collide_by_pairs(speeds, e);
+          const Row row{std::vector<double>(speeds.size(), 1.0), speeds, gap};
+          const auto actual = row.simulate(dt_s, e), predicted = collide_by_pairs(speeds, e);
           for (std::size_t i = 0; i < speeds.size(); ++i)
             EXPECT_NEAR(actual[i], predicted[i], e == 1.0 ? 0.01 : 0.12)
                 << "ball " << i << ", e " << e << ", gap " << gap << ", " << speeds[1] << ", 1/" << 1 / dt_s;
         }
+}
+
+// A light ball goes back and forth between two heavy ones up to a hundred times within a step.
+TEST(Impact, LightBallBetweenHeavyOnesKeepsEnergy) {
+  if (ImpactFixture(1.0 / 60, 1, 0).is_bullet()) GTEST_SKIP() << "Bullet loses energy where balls touch";
+  std::mt19937 random(3);
+  const auto draw = [&random](double low, double high) {
+    return low * std::pow(high / low, static_cast<double>(random()) / 0x1p32);
+  };
+  for (const double dt_s : kSteps_s)
+    for (int i = 0; i < 30; ++i) {
+      const double heavy = draw(0.5, 5);
+      const Row row{
+          {heavy, heavy * draw(0.002, 0.1), heavy * draw(0.3, 2)}, {5, 0, 0}, i % 2 == 0 ? 0.0 : 0.01};
+      double least_closing = 1e9;
+      const auto actual = row.simulate(dt_s, 1.0), predicted = row.collide_in_order(least_closing);
+      EXPECT_NEAR(row.energy(actual), row.energy(row.speed), 0.005 * row.energy(row.speed))
+          << i << ", 1/" << 1 / dt_s;
+      if (least_closing < 0.3) continue;  // slower hits are without restitution
+      for (std::size_t k = 0; k < 3; ++k)
+        EXPECT_NEAR(actual[k], predicted[k], 0.02) << i << ", 1/" << 1 / dt_s;
+    }
+}
+
+TEST(Impact, LongRowsOfUnequalBallsKeepEnergy) {
+  if (ImpactFixture(1.0 / 60, 1, 0).is_bullet()) GTEST_SKIP() << "Bullet loses energy where balls touch";
+  std::mt19937 random(4);
+  for (const double dt_s : kSteps_s)
+    for (const double gap : {0.0, 0.01, 0.1}) {
+      Row row{{5}, {5, 0, 0, 0, 0, 0}, gap};
+      for (int i = 1; i < 6; ++i)
+        row.mass.push_back(std::pow(30.0, 2 * static_cast<double>(random()) / 0x1p32 - 1));
+      const double start = row.energy(row.speed);
+      EXPECT_NEAR(row.energy(row.simulate(dt_s, 1.0)), start, 0.01 * start) << gap << ", 1/" << 1 / dt_s;
+    }
 }
 
 TEST(Impact, CueBallPartsTwoBallsSymmetrically) {

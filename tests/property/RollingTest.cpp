@@ -187,6 +187,49 @@ TEST_P(RollingOnCells, LeaningDiscsRollInCircles) {
   });
 }
 
+// A disc that leans rolls on its rim without its centre moving (Euler's disc): the rim's force is its weight,
+// whose torque turns the angular momentum. The steady motion is kept, with its energy.
+TEST_P(RollingOnCells, DiscsRollOnTheirRims) {
+  draw_scenes(37, 12, [](PhysicsFixture& scene, const auto& draw) {
+    scene.scene.surface.pin.top_x = scene.scene.surface.pin.top_y = 1.0;
+    scene.scene.materials[0].friction = 2.0;
+    scene.scene.world.sleep = false;
+    const double tilt = draw(0.18, 1.4), radius = draw(0.6, 1.5), height = draw(0.01, 0.2) * radius,
+                 sine = std::sin(tilt), cosine = std::cos(tilt);
+    const double along_axis = 0.5 * radius * radius,
+                 across = 0.25 * radius * radius + height * height / 12;  // moments of inertia by mass
+    const double rate =
+        std::sqrt(kGravity * (radius * cosine - 0.5 * height * sine) /
+                  (across * sine * cosine - along_axis * sine * sine * height / (2 * radius)));
+    const Vector3d axis(sine, 0, cosine), down(cosine, 0, -sine);
+    ObjectSpec disc = cylinder(radius, height, {kMiddle, kMiddle, radius * sine + 0.5 * height * cosine});
+    disc.mass = draw(0.1, 10);
+    disc.orientation = Eigen::AngleAxisd(tilt, Vector3d::UnitY());
+    disc.angular_velocity = rate * sine * (0.5 * height / radius * axis - down);
+    scene.add(disc);
+    const auto energy = [&] {
+      const Vector3d v = scene.velocity(0).cast<double>(), w = scene.angular_velocity(0).cast<double>();
+      const double spin = w.dot(z_axis_of(scene, 0));
+      return kGravity * static_cast<double>(scene.position(0).z()) +
+             0.5 * (v.squaredNorm() + across * (w.squaredNorm() - spin * spin) + along_axis * spin * spin);
+    };
+    const double energy_before = energy();
+    double heading = 0, turned = 0;
+    scene.run(4.0, [&] {
+      const Vector3d now = z_axis_of(scene, 0);
+      const double before = heading;
+      heading = std::atan2(now.y(), now.x());
+      turned += std::remainder(heading - before, 2 * M_PI);
+    });
+    const auto about = [&] {
+      return testing::Message() << "tilt " << tilt << ", radius " << radius << ", height " << height
+                                << ", rate " << rate;
+    };
+    EXPECT_NEAR(energy() / energy_before, 1.0, 0.005) << about();
+    EXPECT_NEAR(turned / 4.0, rate, 0.005 * rate) << about();
+  });
+}
+
 // Its velocity is that of its motion: a disc that touches is not held in the air.
 TEST_P(RollingOnCells, ThrownDiscsMoveUntilTheyRest) {
   draw_scenes(36, 6, [](PhysicsFixture& scene, const auto& draw) {

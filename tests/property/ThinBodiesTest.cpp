@@ -68,6 +68,91 @@ TEST_P(ThinBodies, SticksThatLandOnCellsGainNoEnergy) {
   EXPECT_LT(greatest_gain, 0.02);
 }
 
+// Sticks in a row, or side by side on a first one, that joints of all kinds connect. Contacts and joints,
+// which take turns, give them no energy, however far they turn within a step and whatever they hit; pins that
+// move give them no more than their speed.
+TEST_P(ThinBodies, JointedSticksGainNoEnergy) {
+  constexpr double kPinSpeed = 2.0, kSeconds = 2.0;
+  const int draws = GetParam() > 0.01 ? 12 : GetParam() > 0.005 ? 2 : 1;
+  for_random_fixtures(15, draws, GetParam(), [&](PhysicsFixture& fixture, auto& draw) {
+    scene::Material& material = fixture.scene.materials[0];
+    material.friction = draw(0.1, 0.9), material.restitution = std::max(draw(-0.8, 0.8), 0.0);
+    fixture.scene.surface.pin.max_speed = kPinSpeed;
+    enum Bed { kLevel, kUneven, kMoving };
+    const auto bed = static_cast<Bed>(draw(0, 3));
+    std::vector<float> heights(fixture.cells().field().height.size());
+    const auto draw_heights = [&] {
+      for (float& height : heights) height = static_cast<float>(draw(0, 0.5));
+      fixture.cells().set_targets(0, heights);
+    };
+    if (bed != kLevel) draw_heights(), fixture.run(1.0);
+    const double thickness = std::exp(draw(std::log(0.01), std::log(0.2)));
+    const auto count = static_cast<std::size_t>(draw(2, 7));
+    const bool in_a_row = draw(0, 1) < 0.5;
+    const Eigen::Quaterniond turned(tilted(draw, 1.5) *
+                                    Eigen::AngleAxisd(draw(0, std::numbers::pi), Vector3d::UnitZ()));
+    std::vector<scene::ObjectSpec> sticks;
+    std::vector<Vector3d> moments, anchors;
+    double lowest = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double length = draw(0.5, 2);
+      Eigen::Quaterniond orientation = turned;
+      Vector3d anchor(0, 0, 0);
+      if (i > 0 && in_a_row) {
+        anchor = sticks.back().position + 0.5 * (turned * Vector3d(0, 0, sticks.back().size.z()));
+      } else if (i > 0) {
+        orientation = turned * Eigen::AngleAxisd(draw(0, 2 * std::numbers::pi), Vector3d::UnitZ()) *
+                      Eigen::AngleAxisd(0.5 * std::numbers::pi, Vector3d::UnitY());
+        anchor = turned * Vector3d(0, 0, 0.5 * static_cast<double>(i));
+      }
+      const Vector3d along = orientation * Vector3d(0, 0, length);
+      scene::ObjectSpec o = box({thickness, thickness, length}, anchor + 0.5 * along);
+      o.mass = 1;
+      o.orientation = orientation;
+      lowest = std::min({lowest, anchor.z() - thickness, anchor.z() + along.z() - thickness});
+      const double moment = (length * length + thickness * thickness) / 12;
+      moments.emplace_back(moment, moment, thickness * thickness / 6);
+      sticks.push_back(o), anchors.push_back(anchor);
+    }
+    const Vector3d start(15, 15, 0.5 + draw(0, 5) - lowest), spin = draw(-8, 8) * anchors.back().normalized();
+    for (scene::ObjectSpec& o : sticks) {
+      o.velocity = spin.cross(o.position), o.angular_velocity = spin;
+      o.position += start;
+      fixture.add(o);
+    }
+    for (std::size_t i = 1; i < count; ++i)
+      fixture.world().add_joint(
+          {.kind = std::array{scene::JointKind::kFixed, scene::JointKind::kHinge,
+                              scene::JointKind::kBall}[static_cast<std::size_t>(draw(0, 3))],
+           .a = static_cast<scene::ObjectId>(i),
+           .b = static_cast<scene::ObjectId>(in_a_row ? i - 1 : 0),
+           .anchor = start + anchors[i],
+           .axis = tilted(draw, 1.5) * Vector3d::UnitZ()});
+    const auto energy = [&] {
+      const scene::Snapshot& s = fixture.snapshot();
+      double sum = 0;
+      for (std::size_t i = 0; i < count; ++i) sum += energy_of(s, i, moments[i]);
+      return sum;
+    };
+    const double at_start = energy();
+    double greatest = at_start, fastest = 0;
+    for (double time = 0; time < kSeconds; time += 0.5) {
+      if (bed == kMoving) draw_heights();
+      fixture.run(0.5, [&] {
+        greatest = std::max(greatest, energy());
+        Vector3d sum(0, 0, 0);
+        for (const auto& v : fixture.snapshot().velocity) sum += Eigen::Vector3f(v.data()).cast<double>();
+        fastest = std::max(fastest, sum.norm() / static_cast<double>(count));
+      });
+    }
+    const double speed = std::sqrt(2 * at_start / static_cast<double>(count));
+    EXPECT_LT(fastest, 1.05 * speed + (bed == kMoving ? 2 * kPinSpeed : 0)) << thickness << " " << count;
+    if (bed != kMoving) {
+      EXPECT_LT(greatest, 1.05 * at_start) << thickness << " " << count;
+    }
+  });
+}
+
 // Frames of welded and hinged sticks that fall on the edge of a box: no stick is thrown about, and a frame
 // whose contacts and joints leave it a velocity with which it cannot move does not keep it.
 TEST_P(ThinBodies, JointedSticksThatLandOnABoxComeDown) {

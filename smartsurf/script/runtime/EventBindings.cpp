@@ -85,13 +85,13 @@ int metric(ScriptContext& context, lua_State* L) {
 // stop(), stop(message) or stop(message, success). As a callback, at(5, stop), it is called with the time and
 // the tick.
 int stop(ScriptContext& context, lua_State* L) {
-  constexpr std::size_t kMaxMessageLength = 200;
+  constexpr std::size_t kMaxStopMessage = 200;
   require_running(context, "stop");
   if (lua_type(L, 1) == LUA_TNUMBER) lua_settop(L, 0);
   std::string message;
   if (!lua_isnoneornil(L, 1)) {
     message = check_string(L, 1, "stop: message");
-    if (message.size() > kMaxMessageLength || to_single_line(message) != message)
+    if (message.size() > kMaxStopMessage || to_single_line(message) != message)
       throw_invalid_value(L, 1, "stop: message", "at most 200 characters in one line");
   }
   std::optional<bool> success;

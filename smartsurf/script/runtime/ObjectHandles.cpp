@@ -120,15 +120,17 @@ int teleport(ScriptContext& context, lua_State* L) {
   wrap_positional_list(L, "position");
   const TableReader fields(L, 2, "teleport", {"position", "orientation", "velocity", "angular_velocity"});
   ObjectStateUpdate update;
-  const auto read_vector = [&](const char* field, std::optional<Eigen::Vector3d>& value) {
+  const auto read_vector = [&](const char* field, std::optional<Eigen::Vector3d>& value, bool is_speed) {
     fields.visit(field, [&](int i, const std::string& name) {
       value = check_vector(L, i, name);
       require_coordinates(*value, name);
+      if (is_speed && !value->isZero(0.0) && context.simulation->is_fixed(object))
+        throw ScriptError(name + ": a fixed object stands still: must be {0, 0, 0}; its position can be set");
     });
   };
-  read_vector("position", update.position);
-  read_vector("velocity", update.velocity);
-  read_vector("angular_velocity", update.angular_velocity);
+  read_vector("position", update.position, false);
+  read_vector("velocity", update.velocity, true);
+  read_vector("angular_velocity", update.angular_velocity, true);
   fields.visit("orientation",
                [&](int i, const std::string& name) { update.orientation = check_orientation(L, i, name); });
   if (!update.position && !update.velocity && !update.angular_velocity && !update.orientation)

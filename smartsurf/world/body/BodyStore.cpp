@@ -245,7 +245,8 @@ void BodyStore::load_rotation(RotationBatch& batch, std::size_t lane, const Rota
         static_cast<double>(solved.angular_velocity[k]) - static_cast<double>(state.angular_velocity[k]);
   batch.free_time[lane] = free_time_s;
   batch.is_axisymmetric[lane] = is_axisymmetric[i] ? 1.0F : 0.0F;
-  batch.is_jointed[lane] = is_jointed[i] ? 1.0F : 0.0F;
+  // The momentum that joints leave is that of the end.
+  batch.slenderness[lane] = is_jointed[i] ? 0.0 : principal.slenderness();
 }
 
 Vec3 BodyStore::turn_in_step(std::size_t i, const BodyVelocity& solved, const DeltaPose& delta,

@@ -4,6 +4,7 @@
 // concurrently for different bodies; only add() and erase() allocate.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <span>
@@ -32,6 +33,9 @@ struct SurfaceMaterial {
 struct PrincipalInertia {
   double least_axis[3] = {1, 0, 0}, greatest_axis[3] = {0, 0, 1};
   double moments[3] = {};  // least, middle, greatest; 0 for a static body
+
+  // 0 up to a least moment of an eighth of the middle one, 1 from a sixteenth on.
+  double slenderness() const { return std::clamp(2.0 - 16.0 * moments[0] / moments[1], 0.0, 1.0); }
 };
 
 // Orientation and angular momentum of a non-sphere in double precision, see RotationBatch.

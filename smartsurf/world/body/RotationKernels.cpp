@@ -178,10 +178,8 @@ HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {
   const M3 body_axes = rotation_matrix(q);
   const V3 u = body_axes * least_axis, v = body_axes * greatest_axis;
   // Contacts act on the body as it lay at the start of the step. The momentum that they leave along the axis
-  // of a slender body turns with that axis: the little moment would make much energy of a small error. The
-  // momentum that joints leave is that of the end.
-  const V slenderness = hn::Min(hn::Max(set(2.0) - set(16.0) * least / middle, zero()), one) * significant *
-                        (one - load(t.is_jointed, at));
+  // of a slender body turns with that axis: the little moment would make much energy of a small error.
+  const V slenderness = load(t.slenderness, at) * significant;
   const V3 turned_momentum = momentum + u * (slenderness * (dot(momentum, u_before) - dot(momentum, u)));
   store3(turned_momentum, t.momentum, at);
   store3(inverse.times(turned_momentum, u, v), t.angular_velocity, at);

@@ -21,7 +21,7 @@ struct alignas(64) RotationBatch {
   double free_time[kLanes];                   // time to rotate freely for, s
   double previous_x_axis[3][kLanes];          // of the axes before the step
   double is_axisymmetric[kLanes];  // 1: the axes do not follow the spin about the body's z axis; 0: they do
-  double is_jointed[kLanes];       // 1 or 0
+  double slenderness[kLanes];      // PrincipalInertia::slenderness(); 0 with joints
   // ---- in and out
   double orientation[4][kLanes];       // x, y, z, w
   double momentum[3][kLanes];          // angular, world axes

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 
@@ -30,12 +32,15 @@ inline float least_gap_entered(float least_width, const Vec3& extents) {
       std::max(std::min(extents.x(), extents.y()), std::min(std::max(extents.x(), extents.y()), extents.z()));
   return std::min(least_width, second / std::numbers::sqrt2_v<float>);
 }
-// True if a body passes over a gap between level tops as over a plane: over a small gap that it cannot enter.
-// Other gaps act as they are, except between elastic tops, whose sides a body that they yield to must not
-// meet.
-inline bool is_bridged(const surface::Field& field, float gap, float gap_entered) {
+// The widest gap between level tops that a body which cannot enter it passes over as over a plane, u. Wider
+// ones act as they are; between elastic tops there are none, because a body that they yield to must not meet
+// their sides.
+inline float max_bridged_gap(const surface::Field& field) {
   constexpr auto kMaxGap = static_cast<float>(scene::kMaxNarrowGap);
-  return gap < gap_entered && (field.has_elastic_tops || gap <= kMaxGap * field.pitch);
+  return (field.has_elastic_tops ? 1.0F : kMaxGap) * field.pitch;
+}
+inline bool is_bridged(const surface::Field& field, float gap, float gap_entered) {
+  return gap < gap_entered && gap <= max_bridged_gap(field);
 }
 
 // One cell as a bottomless column: its rectangle, extended to the middle of the gap on each bridged side, and
@@ -62,10 +67,22 @@ struct CellRange {
   int row_begin, row_end, column_begin, column_end;
 };
 
+// The gaps between a cell of a free layout and the level tops across its west, east, north and south side, as
+// far as a body reaches along that side.
+struct FreeCell {
+  std::int32_t cell;
+  // Widest distance across, u, and the least gap that a body must not enter: this, the longest stretch of the
+  // side without a top across, or that of the hole where the gap meets another one. It is infinite beside
+  // tops that are not level, or too far.
+  std::array<float, 4> gap, entered;
+  bool is_centre_free = true;  // whether no cell reaches up to the body's centre
+};
+
+// The cells of a rectangular layout; or one of a free layout, in its own frame.
 class Columns {
  public:
-  // `gap_entered`: least_gap_entered() of the body, u; 0 for none.
-  explicit Columns(const surface::Field& field, float gap_entered = 0.0F)
+  // `gap_entered`: least_gap_entered() of the body, u; 0 for none. `free_cell`: null in a rectangular layout.
+  explicit Columns(const surface::Field& field, float gap_entered = 0.0F, const FreeCell* free_cell = nullptr)
       : field_(field),
         height_(field.column_height().data()),
         rows_(field.rows),
@@ -75,12 +92,16 @@ class Columns {
         half_y_(field.half_top_y),
         spans_gaps_(gap_entered > pitch_ - 2.0F * std::min(half_x_, half_y_)),
         bridges_x_(is_bridged(field, pitch_ - 2.0F * half_x_, gap_entered)),
-        bridges_y_(is_bridged(field, pitch_ - 2.0F * half_y_, gap_entered)) {}
+        bridges_y_(is_bridged(field, pitch_ - 2.0F * half_y_, gap_entered)),
+        free_cell_(free_cell) {
+    if (free_cell) set_free_column(gap_entered);
+  }
 
   // True if the body cannot enter the gaps, bridged or not.
   bool spans_gaps() const { return spans_gaps_; }
   // Cells whose bridged columns can touch the rectangle.
   CellRange cells_covering(float x_low, float x_high, float y_low, float y_high) const {
+    if (free_cell_) return {0, 1, 0, 1};
     const float inverse = 1.0F / pitch_;
     auto cell = [inverse](float u) { return std::clamp(u * inverse, -1e6F, 1e6F); };
     // The compiler inlines these, unlike std::floor and std::ceil, on the baseline instruction set.
@@ -95,11 +116,12 @@ class Columns {
   }
 
   const surface::Field& field() const { return field_; }
+  const FreeCell* free_cell() const { return free_cell_; }  // null in a rectangular layout
   float pitch() const { return pitch_; }
-  int index(int row, int column) const { return row * columns_ + column; }
+  int index(int row, int column) const { return free_cell_ ? free_cell_->cell : row * columns_ + column; }
   float x(int column) const { return static_cast<float>(column) * pitch_; }
   float y(int row) const { return static_cast<float>(rows_ - 1 - row) * pitch_; }
-  float top(int row, int column) const { return height_[index(row, column)]; }
+  float top(int row, int column) const { return height_[row * columns_ + column]; }
 
   float max_height(const CellRange& cells) const {
     float max_top = surface::kNoCellHeight;
@@ -108,7 +130,14 @@ class Columns {
     return max_top;
   }
 
+  // True if no cell reaches up to the point.
+  bool is_free(const Vec3& p) const {
+    if (free_cell_) return free_cell_->is_centre_free;
+    return max_height(cells_covering(p.x(), p.x(), p.y(), p.y())) < p.z();
+  }
+
   Column at(int row, int column) const {
+    if (free_cell_) return free_column_;
     const int i = index(row, column);
     const float top = height_[i];
     auto level = [&](bool inside, int neighbour) {
@@ -129,11 +158,29 @@ class Columns {
   }
 
  private:
+  void set_free_column(float gap_entered) {
+    rows_ = columns_ = 1;
+    height_ += free_cell_->cell;
+    spans_gaps_ = true;
+    float reach[4];
+    bool bridged[4];
+    for (std::size_t side = 0; side < 4; ++side) {
+      const float entered = free_cell_->entered[side];
+      bridged[side] = is_bridged(field_, entered, gap_entered);
+      reach[side] = (side < 2 ? half_x_ : half_y_) + (bridged[side] ? free_cell_->gap[side] : 0.0F);
+      if (std::isfinite(entered)) spans_gaps_ &= entered < gap_entered;
+    }
+    free_column_ = {-reach[0],  reach[1],   -reach[3],  reach[2],  height_[0],
+                    bridged[0], bridged[1], bridged[3], bridged[2]};
+  }
+
   const surface::Field& field_;
   const float* height_;
   int rows_, columns_;
   float pitch_, half_x_, half_y_;
   bool spans_gaps_, bridges_x_, bridges_y_;
+  const FreeCell* free_cell_;
+  Column free_column_;
 };
 
 // Signed distance to the column's surface and direction of escape for a point inside the column's rectangle:

@@ -48,8 +48,7 @@ class PartOnField {
     set_bounds();
     cells_below_ =
         columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
-    centre_is_free_ = columns_.max_height(columns_.cells_covering(centre.x(), centre.x(), centre.y(),
-                                                                  centre.y())) < centre.z();
+    centre_is_free_ = columns_.is_free(centre);
   }
 
   // Returns all candidates. Valid until the next part is collided on this thread.
@@ -174,7 +173,13 @@ class PartOnField {
     for (const float z : {-end, end}) {
       const Vec3 end_centre = centre_ + axes_.col(2) * z;
       contacts.clear();
-      collide_sphere_with_field(columns_.field(), end_centre, s.radius, margin_, contacts);
+      if (const FreeCell* const cell = columns_.free_cell()) {
+        if (const auto c =
+                collide_sphere_with_cell(columns_.field(), *cell, end_centre, s.radius, margin_, {}))
+          contacts.push_back(*c);
+      } else {
+        collide_sphere_with_field(columns_.field(), end_centre, s.radius, margin_, contacts);
+      }
       for (const Contact& c : contacts)
         candidates_.push_back(
             {end_centre - (s.radius + c.separation) * c.normal, c.normal, c.separation, c.feature_id});
@@ -235,6 +240,7 @@ class PartOnField {
   // True if a point of the column lies in the crossing of two gaps, beside a diagonal neighbour that is not
   // level. There is nothing under such a point.
   bool is_in_concave_corner(int row, int column, const Vec3& p) const {
+    if (columns_.free_cell()) return false;
     const surface::Field& f = columns_.field();
     const float x = p.x() - columns_.x(column), y = p.y() - columns_.y(row);
     if (std::abs(x) <= f.half_top_x || std::abs(y) <= f.half_top_y) return false;
@@ -544,15 +550,16 @@ float gap_entered_by(const ConvexPart& part) {
 // Calls visit(part_on_field) for the convex parts of a shape, unless the shape is above all cells under it. A
 // part that is narrower than the gaps enters them, however wide the shape is.
 template <class Visit>
-void for_each_part_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,
-                            float margin, Visit visit) {
+void for_each_part_on_field(const surface::Field& field, const FreeCell* free_cell, const Shape& shape,
+                            const Vec3& centre, const Mat3& axes, float margin, Visit visit) {
+  const Columns columns(field, 0.0F, free_cell);
   const Vec3 extent = turned_extents(axes, shape.half_extents) + Vec3::Constant(margin);
   if (centre.z() - extent.z() > columns.field().max_height) return;
   const CellRange cells = columns.cells_covering(centre.x() - extent.x(), centre.x() + extent.x(),
                                                  centre.y() - extent.y(), centre.y() + extent.y());
   if (centre.z() - extent.z() > columns.max_height(cells)) return;
   for_each_part(shape, [&](const ConvexPart& part) {
-    const Columns columns_of_part(columns.field(), gap_entered_by(part));
+    const Columns columns_of_part(field, gap_entered_by(part), free_cell);
     PartOnField part_on_field(columns_of_part, part, centre, axes, margin);
     visit(part_on_field);
   });
@@ -571,8 +578,8 @@ float lowest_point(const Shape& shape, const Vec3& centre, const Mat3& axes) {
 }
 
 void collide_shape_with_field(const surface::Field& field, const Shape& shape, const Vec3& centre,
-                              const Mat3& axes, float margin, std::vector<Contact>& out) {
-  const Columns columns(field);
+                              const Mat3& axes, float margin, std::vector<Contact>& out,
+                              const FreeCell* free_cell) {
   const float lowest = lowest_point(shape, centre, axes);
   const auto take = [&](const ManifoldCandidate& c) {
     if (rides_up(c.normal, field.column_height()[c.tag], lowest)) return;
@@ -582,9 +589,9 @@ void collide_shape_with_field(const surface::Field& field, const Shape& shape, c
     contact.separation = c.separation;
     contact.partner = Partner::kCell;
     contact.feature_id = c.tag;
-    set_surface_velocity(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
+    if (!free_cell) set_surface_velocity(field, c.point, contact);
   };
-  for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
+  for_each_part_on_field(field, free_cell, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
     if (field.has_contacts_per_cell())
       part_on_field.search_each_cell(take);
     else
@@ -603,9 +610,8 @@ void append_reduced(std::span<const Contact> contacts, std::vector<Contact>& out
 
 void collect_field_candidates(const surface::Field& field, const Shape& shape, const Vec3& centre,
                               const Mat3& axes, float margin, std::vector<FieldCandidate>& out) {
-  const Columns columns(field);
   int part_index = 0;
-  for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
+  for_each_part_on_field(field, nullptr, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
     Candidates& candidates = part_on_field.search();
     sort_by_plane(candidates, [&](const ManifoldCandidate& c, int plane) {
       out.push_back({c, part_index, plane});

@@ -13,9 +13,10 @@ namespace smartsurf::world {
 
 // Appends the contacts of each convex part: four at most of those in one plane, the deepest first, then those
 // that widen the support. Points in different planes do not stand for each other: which of them bear is for
-// the solver to find. Cells are bottomless columns, bridged as for spheres (SphereOnField.h).
+// the solver to find. Cells are bottomless columns, bridged as for spheres (SphereOnField.h). With a cell of
+// a free layout, only the contacts with that one, in its frame and without the velocity of the surface.
 void collide_shape_with_field(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
-                              float margin, std::vector<Contact>& out);
+                              float margin, std::vector<Contact>& out, const FreeCell* = nullptr);
 
 // True for a contact with the side of a column whose top the body's lowest point is just below. Edges are
 // round: one that sank a little into a gap rides up on the next top, which then bears it, instead of

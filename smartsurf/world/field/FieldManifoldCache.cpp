@@ -34,7 +34,7 @@ float max_travel(const BodyStore& bodies, std::size_t i) {
 // same side is the lowest. As it rolls or wobbles, its points stay on that side. The lowest side of a shape
 // that stands nearly upright changes too fast for points of an earlier step to show where it is.
 Mat3 axes_of_same_side(const Mat3& axes, const Mat3& cached) {
-  constexpr float kMinTilt = 0.2F;  // rad
+  constexpr float kMinTilt = 0.02F;  // rad
   const float x = axes(2, 0), y = axes(2, 1), cached_x = cached(2, 0), cached_y = cached(2, 1);
   const float scale = std::sqrt((x * x + y * y) * (cached_x * cached_x + cached_y * cached_y));
   if (!(scale > kMinTilt * kMinTilt)) return axes;
@@ -217,7 +217,6 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, const Ma
                                 float slip_limit, std::span<const Contact> previous,
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
-  const Columns columns(field_);
   const Vec3 centre = bodies.origin(i);
   const std::size_t first_contact = out.size();
   const float lowest = lowest_point(*bodies.shape[i], centre, axes);
@@ -257,8 +256,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, const Ma
       c.separation = points.separation(k);
       c.partner = Partner::kCell;
       c.feature_id = p.cell;
-      set_surface_velocity(columns, p.cell / field_.columns, p.cell % field_.columns,
-                           p.on_cell + Vec3(0, 0, height_change(p)), c);
+      set_surface_velocity(field_, p.on_cell + Vec3(0, 0, height_change(p)), c);
     }
   }
   return true;

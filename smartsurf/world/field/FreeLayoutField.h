@@ -1,8 +1,9 @@
 // Contacts with a field whose cells have arbitrary positions and rotations about the vertical; slower than a
 // rectangular layout.
 //
-// Each cell near a body is tested in its own frame, as the centre of a 3×3 rectangular field. Level
-// neighbours across a side bridge the gap, as in a rectangular layout.
+// Each cell near a body is tested in its own frame. Where a body stands over a side, the tops across it and
+// the distances to them are those of the layout. Level ones are bridged as in a rectangular layout, but the
+// column reaches across the whole gap: halves of a gap between sides at an angle would leave a part of it.
 #pragma once
 
 #include <vector>
@@ -10,6 +11,7 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/body/Shape.h"
 #include "smartsurf/world/contact/Contact.h"
+#include "smartsurf/world/field/Columns.h"
 #include "smartsurf/world/field/SphereOnField.h"
 
 namespace smartsurf::world {
@@ -28,29 +30,38 @@ class FreeLayoutField {
   // The cells near a box, ascending.
   void find_cells(const Vec3& low, const Vec3& high, std::vector<std::int32_t>& out) const;
 
+  // The column of a cell in its own frame, with its half of the gaps that are bridged for a body over the
+  // box, which is in that frame too.
+  Column column(std::size_t cell, const Vec3& low, const Vec3& high, float gap_entered) const;
+
  private:
-  // Cells across the west, east, north and south side, sampled at two points of each; −1 if there is none.
-  struct Neighbours {
-    std::int32_t cell[4][2];
+  // A stretch of a side, along it from its middle: a top is across, or there is none between two such
+  // stretches.
+  struct Stretch {
+    float begin, end;          // u
+    float gap_begin, gap_end;  // distance across at both ends, u
+    float open_width;          // without a top across: its length, or infinite at the end of the layout
+    std::int32_t cell;         // across, or −1
   };
   struct CellFrame;
+  // Calls each(cell) for the cells whose bridged columns may touch the box.
   template <class Each>
   void for_each_cell(const Vec3& low, const Vec3& high, Each each) const;
-  // Calls each(cell, local grid, frame) for the cells near a box that reach up to it.
+  // The same for those that reach up to it: each(cell, frame).
   template <class Each>
-  void for_each_local_grid(const Vec3& low, const Vec3& high, Each each) const;
+  void for_each_column(const Vec3& low, const Vec3& high, Each each) const;
   int bucket(float u, int axis) const;
-  int cell_at(float x, float y, float tolerance) const;
-  Neighbours find_neighbours(std::size_t cell) const;
-  bool is_bridged(std::size_t cell, int side) const;
-  surface::Field make_local_grid() const;
-  void load_local_grid(std::size_t cell, surface::Field& local_grid) const;
+  bool is_free(const Vec3& point) const;
+  void add_stretches(std::size_t cell, int side);
+  bool is_level(std::size_t cell, const Stretch&) const;
+  FreeCell gaps_around(std::size_t cell, const Vec3& low, const Vec3& high) const;
 
   const surface::Field& field_;
-  float origin_[2], bucket_size_, half_diagonal_;
+  float origin_[2], bucket_size_, cell_reach_;
   int bucket_count_[2];
   std::vector<std::int32_t> bucket_begin_, bucket_cells_;  // cells by bucket
-  std::vector<Neighbours> neighbours_;
+  std::vector<std::int32_t> stretch_begin_;                // by cell and side
+  std::vector<Stretch> stretches_;
 };
 
 }  // namespace smartsurf::world

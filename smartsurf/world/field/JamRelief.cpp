@@ -124,7 +124,10 @@ bool JamRelief::stall_cells(std::span<const JammedBody> jammed, const ContactLis
       const bool bears = c.total_normal_impulse > 0.0F;
       if (!bears && !may_wedge) continue;
       float& speed = field.speed[c.feature_id];
-      const float held = planned_speed_[c.feature_id], planned = held != 0.0F ? held : c.surface_velocity.z();
+      // A point that rolls passes its cell at a velocity of its own.
+      const float held = planned_speed_[c.feature_id],
+                  own = c.surface_acceleration.isZero(0.0F) ? c.surface_velocity.z() : speed,
+                  planned = held != 0.0F ? held : own;
       if (may_wedge && planned < 0.0F && c.normal.z() < kMaxSideNormalZ) {
         const float bound = fraction * planned;
         if (!bears) continue;

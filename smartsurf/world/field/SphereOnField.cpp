@@ -14,9 +14,7 @@ struct SphereCandidate {
 
 using Reducer = SphereManifoldReducer<SphereCandidate, &SphereCandidate::order>;
 
-Columns columns_below(const surface::Field& field, float radius) {
-  return Columns(field, std::numbers::sqrt2_v<float> * radius);
-}
+float gap_entered_by_sphere(float radius) { return std::numbers::sqrt2_v<float> * radius; }
 
 Vec3 offset_from(const Column& q, const Vec3& p) {
   return p -
@@ -29,13 +27,13 @@ Vec3 offset_from(const Column& q, const Vec3& p) {
 // impact as tangents lead Newton's method to the root of a convex function.
 void advance_to_impact(const Column& q, const Vec3& centre, float radius, const Vec3& motion,
                        SphereCandidate& plane) {
-  constexpr int kMaxAdvances = 8;
+  constexpr int kNewtonSteps = 8;
   constexpr float kTouching = 1e-3F;  // of the radius
   constexpr float kFirst = 1e-6F;
   const float touching = kTouching * radius;
   float separation = plane.separation, time = 0.0F;
   if (separation <= touching) return;
-  for (int i = 0; i < kMaxAdvances && separation > touching; ++i) {
+  for (int i = 0; i < kNewtonSteps && separation > touching; ++i) {
     const float closing = -plane.normal.dot(motion);
     if (closing > 0.0F) time += separation / closing;
     if (!(closing > 0.0F && time < 1.0F)) {
@@ -74,41 +72,38 @@ void collide_column(const Columns& columns, int row, int column, const Vec3& cen
   }
 }
 
-void set_contact(const Columns& columns, const Vec3& centre, float radius, const SphereCandidate& from,
-                 Contact& to) {
+void set_contact(const Columns& columns, float radius, const SphereCandidate& from, Contact& to) {
   to.normal = from.normal;
   to.anchor = -radius * from.normal;
   to.separation = from.separation;
   to.partner = Partner::kCell;
   to.feature_id = columns.index(from.row, from.column);
-  set_surface_velocity(columns, from.row, from.column, centre - (radius + from.separation) * from.normal, to);
 }
 
 }  // namespace
 
-void set_surface_velocity(const Columns& columns, int row, int column, const Vec3& point, Contact& c) {
-  const surface::Field& f = columns.field();
-  const Index i = columns.index(row, column);
+void set_surface_velocity(const surface::Field& f, const Vec3& point, Contact& c) {
+  const Index i = c.feature_id;
   c.surface_velocity = {0, 0, f.speed[i]};
   if (!f.has_surface_velocity()) return;
   const float spin = f.surface_spin.empty() ? 0.0F : f.surface_spin[i];
-  const Vec3 cell_velocity(f.surface_velocity_x[i] - spin * (point.y() - columns.y(row)),
-                           f.surface_velocity_y[i] + spin * (point.x() - columns.x(column)), 0);
+  const Eigen::Vector2f centre = f.centre(c.feature_id);
+  const Vec3 cell_velocity(f.surface_velocity_x[i] - spin * (point.y() - centre.y()),
+                           f.surface_velocity_y[i] + spin * (point.x() - centre.x()), 0);
   // Tangential only: the cell itself does not move horizontally.
   c.surface_velocity += cell_velocity - c.normal * c.normal.dot(cell_velocity);
   c.surface_spin = spin;
 }
 
-std::optional<SphereContact> collide_sphere_with_cell(const surface::Field& field, int row, int column,
+std::optional<SphereContact> collide_sphere_with_cell(const surface::Field& field, const FreeCell& cell,
                                                       const Vec3& centre, float radius, float margin,
                                                       const SphereMotion& motion) {
-  const Columns columns = columns_below(field, radius);
+  const Columns columns(field, gap_entered_by_sphere(radius), &cell);
   std::optional<SphereContact> contact;
-  collide_column(columns, row, column, centre, radius, radius + margin, motion,
-                 [&](const SphereCandidate& found) {
-                   set_contact(columns, centre, radius, found, contact.emplace());
-                   contact->order = found.order;
-                 });
+  collide_column(columns, 0, 0, centre, radius, radius + margin, motion, [&](const SphereCandidate& found) {
+    set_contact(columns, radius, found, contact.emplace());
+    contact->order = found.order;
+  });
   return contact;
 }
 
@@ -116,7 +111,7 @@ void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, 
                                std::vector<Contact>& out, const SphereMotion& motion) {
   const float reach = radius + margin;
   if (centre.z() - reach > field.max_height) return;
-  const Columns columns = columns_below(field, radius);
+  const Columns columns(field, gap_entered_by_sphere(radius));
   const CellRange cells =
       columns.cells_covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
   const float half_pitch = 0.5F * columns.pitch(), reach_squared = reach * reach;
@@ -131,8 +126,11 @@ void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, 
                        [&](const SphereCandidate& found) { reducer.add(found); });
     }
   }
-  reducer.reduce(
-      [&](const SphereCandidate& t) { set_contact(columns, centre, radius, t, out.emplace_back()); });
+  reducer.reduce([&](const SphereCandidate& t) {
+    Contact& c = out.emplace_back();
+    set_contact(columns, radius, t, c);
+    set_surface_velocity(field, centre - (radius + t.separation) * t.normal, c);
+  });
 }
 
 }  // namespace smartsurf::world

@@ -35,12 +35,14 @@ struct SphereContact : Contact {
   float order;  // ascending: the columns that the sphere meets in the step, then those that it passes
 };
 using SphereContactReducer = SphereManifoldReducer<SphereContact, &SphereContact::order>;
-// The contact with one cell, if there is any.
-std::optional<SphereContact> collide_sphere_with_cell(const surface::Field&, int row, int column,
+// The contact with a cell of a free layout, if there is any, in the cell's frame and without the velocity of
+// the surface.
+std::optional<SphereContact> collide_sphere_with_cell(const surface::Field&, const FreeCell&,
                                                       const Vec3& centre, float radius, float margin,
                                                       const SphereMotion&);
 
-// Sets surface_velocity and surface_spin of a contact from its cell, at `point`. The normal must be set.
-void set_surface_velocity(const Columns&, int row, int column, const Vec3& point, Contact&);
+// Sets surface_velocity and surface_spin of a contact from its cell, at `point`, world frame. The normal must
+// be set.
+void set_surface_velocity(const surface::Field&, const Vec3& point, Contact&);
 
 }  // namespace smartsurf::world

@@ -191,25 +191,25 @@ void move_to_bearing_corners(const Footprint& f, float separation, const Point2*
   area.y += (1.0F - least) * (bearing.y / sum - area.y);
 }
 
-// The part of a line in the rectangle |x| ≤ half_x, |y| ≤ half_y.
-bool share_line(const Footprint& f, float separation, const Point2& from, const Point2& to, float half_x,
-                float half_y, SharedArea& out) {
+// The part of a line on a column; both from the cell's centre.
+bool share_line(const Footprint& f, float separation, const Point2& from, const Point2& to, const Column& q,
+                SharedArea& out) {
   float begin = 0.0F, end = 1.0F;
-  auto clip = [&](float at, float step, float half) {
+  auto clip = [&](float at, float step, float low, float high) {
     if (std::abs(step) < 1e-9F) {
-      if (std::abs(at) > half) end = -1.0F;
+      if (at < low || at > high) end = -1.0F;
       return;
     }
-    const float a = (-half - at) / step, b = (half - at) / step;
+    const float a = (low - at) / step, b = (high - at) / step;
     begin = std::max(begin, std::min(a, b)), end = std::min(end, std::max(a, b));
   };
   const float dx = to.x - from.x, dy = to.y - from.y;
-  clip(from.x, dx, half_x);
-  clip(from.y, dy, half_y);
+  clip(from.x, dx, q.west, q.east);
+  clip(from.y, dy, q.south, q.north);
   if (!(end > begin)) return false;
   const float middle = 0.5F * (begin + end), length = (end - begin) * length_of(dx, dy);
   out = {from.x + middle * dx, from.y + middle * dy,
-         std::min(1.0F, length / (2.0F * std::min(half_x, half_y))), 0.25F * length};
+         std::min(1.0F, length / std::min(q.east - q.west, q.north - q.south)), 0.25F * length};
   const float squared = (end - begin) * (end - begin) / 12.0F;
   out.xx = squared * dx * dx, out.xy = squared * dx * dy, out.yy = squared * dy * dy;
   const Point2 ends[2] = {{from.x + begin * dx, from.y + begin * dy}, {from.x + end * dx, from.y + end * dy}};
@@ -282,15 +282,8 @@ bool share_polygon(const Footprint& f, float separation, const Point2* corner, i
 // Finds the cells under a footprint and the area that they share with it.
 class FootprintOnCells {
  public:
-  FootprintOnCells(const surface::Field& field, const Footprint& f) : f_(f) {
-    // A line over a bridged gap lies on the extended tops.
-    const auto half = [&](float half_top) {
-      const bool bridges = f.is_line() && field.is_rectangular() &&
-                           is_bridged(field, field.pitch - 2.0F * half_top, f.gap_entered);
-      return bridges ? 0.5F * field.pitch : half_top;
-    };
-    half_x_ = half(field.half_top_x);
-    half_y_ = half(field.half_top_y);
+  FootprintOnCells(const surface::Field& field, const Footprint& f)
+      : f_(f), half_x_(field.half_top_x), half_y_(field.half_top_y), bridge_(0.5F * max_bridged_gap(field)) {
     if (f.is_line()) return;
     float area = 0.0F;
     for (int i = 0; i < f.count; ++i) {
@@ -311,12 +304,17 @@ class FootprintOnCells {
       edge_x_[i] = edge_x_[0], edge_y_[i] = edge_y_[0], offset_[i] = offset_[0], reach_[i] = reach_[0];
   }
   // How far the face rises from the middle of a cell to its edge, at most, u.
-  float greatest_rise() const { return std::abs(f_.slope_x) * half_x_ + std::abs(f_.slope_y) * half_y_; }
-  bool share(float x, float y, float top, SharedArea& out) const {
+  float greatest_rise() const {
+    const float reach = f_.is_line() ? bridge_ : 0.0F;
+    return std::abs(f_.slope_x) * (half_x_ + reach) + std::abs(f_.slope_y) * (half_y_ + reach);
+  }
+  // A line lies on the bridged column, `column`() from the cell's centre; a face bears on the top.
+  template <class MakeColumn>
+  bool share(float x, float y, float top, MakeColumn column, SharedArea& out) const {
     const float separation = f_.z_at(x, y) - top;
     if (f_.is_line())
       return share_line(f_, separation, {f_.corner[0].x - x, f_.corner[0].y - y},
-                        {f_.corner[1].x - x, f_.corner[1].y - y}, half_x_, half_y_, out);
+                        {f_.corner[1].x - x, f_.corner[1].y - y}, column(), out);
     Int4 is_outside{}, is_cut{};
     for (int i = 0; i < f_.count; i += kSimd4Width) {
       const Float4 reach = load4(reach_ + i),
@@ -340,7 +338,7 @@ class FootprintOnCells {
 
  private:
   Footprint f_;
-  float half_x_, half_y_;
+  float half_x_, half_y_, bridge_;
   // Outward normal · p ≤ offset inside; extent of a top along the normal. In whole vectors.
   alignas(16) float edge_x_[kMaxCorners], edge_y_[kMaxCorners], offset_[kMaxCorners], reach_[kMaxCorners];
 };
@@ -398,16 +396,21 @@ void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& cent
 // Adds the samples of one footprint, by ascending cell.
 void add_samples(const surface::Field& field, const Footprint& f, const Vec3& centre,
                  const BearingContacts& bearing, std::vector<Sample>& out) {
-  const Columns columns(field);
+  const Columns columns(field, f.gap_entered);
   const CellRange cells = columns.cells_covering(f.west, f.east, f.south, f.north);
   const FootprintOnCells on_cells(field, f);
   for (int r = cells.row_begin; r < cells.row_end; ++r)
     for (int c = cells.column_begin; c < cells.column_end; ++c) {
       const float x = columns.x(c), y = columns.y(r), top = columns.top(r, c);
       const int cell = columns.index(r, c);
+      const auto column = [&] {
+        Column q = columns.at(r, c);
+        q.west -= x, q.east -= x, q.south -= y, q.north -= y;
+        return q;
+      };
       SharedArea shared;
       if (!bearing.bears(f.z_at(x, y) - on_cells.greatest_rise() - top, top, cell) ||
-          !on_cells.share(x, y, top, shared))
+          !on_cells.share(x, y, top, column, shared))
         continue;
       const float separation = f.z_at(x + shared.x, y + shared.y) - top;
       if (bearing.on_elastic_tops || bearing.bears(separation, top, cell))
@@ -431,10 +434,15 @@ void add_samples(const surface::Field& field, const FreeLayoutField& layout, con
       const float x = f.corner[k].x - at.x, y = f.corner[k].y - at.y;
       local.corner[k] = {cosine * x + sine * y, cosine * y - sine * x};
     }
+    const auto column = [&] {
+      const auto [west, east] = std::minmax(local.corner[0].x, local.corner[1].x);
+      const auto [south, north] = std::minmax(local.corner[0].y, local.corner[1].y);
+      return layout.column(cell, {west, south, 0}, {east, north, 0}, f.gap_entered);
+    };
     SharedArea shared;
     const FootprintOnCells on_cells(field, local);
     if (!bearing.bears(f.z_at(at.x, at.y) - on_cells.greatest_rise() - top, top, cell) ||
-        !on_cells.share(0.0F, 0.0F, top, shared))
+        !on_cells.share(0.0F, 0.0F, top, column, shared))
       continue;
     const float x = shared.x;
     shared.x = cosine * x - sine * shared.y;

@@ -7,8 +7,12 @@
 namespace smartsurf::world {
 namespace {
 
-// Points are moved along straight lines, up to this angle of the bodies, rad.
+// Points are moved along straight lines, up to this angle of the bodies and about their axes, rad.
 constexpr float kMaxTurn = 0.5F;
+// Normals at less than 45° from the axis are on an end.
+constexpr float kEndSine = 0.7F;
+// Surfaces that pass their points evenly enough, u/s².
+constexpr float kMinAcceleration = 0.01F;
 
 // The curvature of a body's surface at a contact, in the tangent plane.
 struct Curvature {
@@ -35,22 +39,39 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
     if (std::abs(along) < end) return {1.0F / shape.radius, generatrix};
     return {1.0F / shape.radius};
   }
-  constexpr float kMaxAlong = 0.7F;  // an end
-  if (std::abs(normal_along) > kMaxAlong) return {};
   const Vec3 across = normal - normal_along * axis;
+  // The lowest point of a surface of revolution, or of a rim, rolls over it. The other points of an end stay,
+  // as do all where it stands on it.
+  constexpr float kStandingHeight = 4e-3F, kLowest = 0.9F, kRim = 0.98F, kTip = 0.1F;
+  const float steepness = across.norm();
+  if (2.0F * shape.radius * steepness < kStandingHeight) return {};
+  if (from_axis > kTip * shape.radius && across.dot(from_origin) > -kLowest * steepness * from_axis)
+    return {};
+  const bool faces_end = shape.kind == scene::ShapeKind::kCone ? normal_along > 0.0F : steepness < kEndSine;
+  if (faces_end && from_axis < kRim * shape.radius) return {};
   constexpr float kMinRadius = 1e-4F;  // of a cone, near its tip
-  return {across.norm() / std::max(kMinRadius, from_axis), generatrix};
+  return {steepness / std::max(kMinRadius, from_axis), generatrix};
 }
 
 // One of the two bodies, or the ground.
 struct Side {
   Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0}, centre{0, 0, 0};  // of mass
+  // Angular acceleration without torque, rad/s². Velocities have it from the end of the step on.
+  Vec3 gyroscopic{0, 0, 0};
 
   Side() = default;
   Side(const BodyStore& bodies, std::size_t body)
       : velocity(bodies.velocity(body)),
         angular_velocity(bodies.angular_velocity(body)),
-        centre(bodies.position[body]) {}
+        centre(bodies.position[body]) {
+    if (bodies.is_sphere[body] || bodies.is_static(body)) return;
+    const double* const l = bodies.rotation_state[body].momentum;
+    const InverseInertia& w = bodies.world_inverse_inertia[body];
+    const Vec3 torque = Eigen::Vector3d(l[0], l[1], l[2]).cast<float>().cross(angular_velocity);
+    gyroscopic = {w.xx * torque.x() + w.xy * torque.y() + w.xz * torque.z(),
+                  w.xy * torque.x() + w.yy * torque.y() + w.yz * torque.z(),
+                  w.xz * torque.x() + w.yz * torque.y() + w.zz * torque.z()};
+  }
   Vec3 velocity_at(const Vec3& point) const { return velocity + angular_velocity.cross(point - centre); }
 };
 
@@ -92,7 +113,6 @@ void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<s
                          std::span<Contact> contacts) {
   const Side side_a(bodies, a), side_b = b ? Side(bodies, *b) : Side();
   const float turn = (side_a.angular_velocity - side_b.angular_velocity).norm();
-  if (turn * time_s > kMaxTurn) time_s = kMaxTurn / turn;
   const bool follows_b = b && !bodies.is_static(*b) && bodies.bounding_radius[*b] < bodies.bounding_radius[a];
   const Vec3 origin_a = bodies.origin(a), origin_b = b ? bodies.origin(*b) : Vec3(Vec3::Zero());
   for (Contact& c : contacts) {
@@ -102,8 +122,20 @@ void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<s
     const Curvature of_b = b ? curvature_at(bodies, *b, point - origin_b, -c.normal) : Curvature();
     if (of_a.value + of_b.value == 0.0F) continue;
     const Vec3 velocity = velocity_of_point(side_a, side_b, of_a, of_b, point, c.normal, follows_b);
-    c.anchor += time_s * (velocity - side_a.velocity);
-    c.anchor_time_s = time_s;
+    const bool a_is_round = of_a.value > 0.0F;
+    const float radius = bodies.shape[a_is_round ? a : *b]->radius,
+                speed = (velocity - (a_is_round ? side_a : side_b).velocity_at(point)).norm(),
+                angle = time_s * std::max(turn, speed / radius),
+                share = angle > kMaxTurn ? kMaxTurn / angle : 1.0F;
+    const Vec3 past_a = velocity - side_a.velocity, past_b = velocity - side_b.velocity;
+    c.anchor_time_s = share * time_s;
+    c.anchor += c.anchor_time_s * past_a;
+    const Vec3 gain = share * (side_b.angular_velocity.cross(past_b) - side_a.angular_velocity.cross(past_a)),
+               acceleration = gain + share * (side_b.gyroscopic.cross(point - side_b.centre) -
+                                              side_a.gyroscopic.cross(point - side_a.centre));
+    if (acceleration.squaredNorm() < kMinAcceleration * kMinAcceleration) continue;
+    c.surface_velocity -= c.anchor_time_s * gain;
+    c.surface_acceleration = acceleration;
   }
 }
 

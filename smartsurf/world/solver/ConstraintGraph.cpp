@@ -139,7 +139,7 @@ ContactBatch& ConstraintGraph::reset_batch(int index) {
   o.point_count = first_point_[index + 1] - o.first_point;
   o.lane_count = lane_count(index);
   o.has_friction = o.has_rolling_friction = o.has_face_patch = false;
-  o.has_impulse_limit = o.has_surface_spin = false;
+  o.has_impulse_limit = o.has_surface_spin = o.has_moving_points = false;
   return o;
 }
 

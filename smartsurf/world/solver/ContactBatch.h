@@ -44,6 +44,7 @@ struct ContactBatch {
   bool has_rolling_friction = false;  // of any lane
   bool has_impulse_limit = false;     // of any point
   bool has_surface_spin = false;      // of any point
+  bool has_moving_points = false;     // any surface_acceleration
   bool has_face_patch = false;        // of any lane: points with a twist_friction_loss
 };
 
@@ -62,9 +63,10 @@ struct alignas(64) BatchPoint {
 };
 struct alignas(64) BatchPointDetail {
   float anchor_a[3][kLanes], anchor_b[3][kLanes];
-  // The velocity of the static surface. In a general pair it is what b's surface gains on a's, along the
-  // contact, because the point has moved since the start of the step.
+  // The velocity of the static surface, and what b's surface gains on a's because the point has moved since
+  // the start of the step: along the contact, in a general pair whose point does not roll.
   float surface_velocity[3][kLanes];
+  float surface_acceleration[3][kLanes];  // Contact::surface_acceleration; valid if has_moving_points
   float surface_spin[kLanes];
   float anchor_time[kLanes];  // Contact::anchor_time_s; for pairs, not for spheres
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];

@@ -260,6 +260,34 @@ void prepare(const ContactBatch* batches, int count, BatchPoints points, const S
     }
 }
 
+// Moves a point that rolls on to a substep: the velocity of b's surface to the middle of it, the separation
+// to its start. A point of a pair that does not roll is carried by the larger body.
+template <bool kPair>
+HWY_INLINE void move_point(const ContactLanes<kPair, false>& l, const PointRef& q, const V3& carrying,
+                           const SubstepParams& params) {
+  if (!kPair && !l.batch.has_moving_points) return;
+  const int at = l.lane;
+  const V3 n = load3(q.point.normal, at);
+  const V3 carried = carrying - n * dot(n, carrying);
+  if (!l.batch.has_moving_points) return store3(carried, q.detail.surface_velocity, at);
+  const bool is_first = params.elapsed_s == 0.0F;
+  const V3 acceleration = load3(q.detail.surface_acceleration, at),
+           velocity = load3(q.detail.surface_velocity, at);
+  const V3 next = velocity + acceleration * set(is_first ? 0.5F * params.h_s : params.h_s);
+  V closing;  // since the start of the last substep; of a static surface, beyond its velocity × elapsed time
+  if constexpr (kPair) {
+    const V rolls = dot(acceleration, acceleration);
+    closing = if_positive(rolls, dot(n, velocity) * set(is_first ? 0.0F : params.h_s), zero());
+    store3({if_positive(rolls, next.x, carried.x), if_positive(rolls, next.y, carried.y),
+            if_positive(rolls, next.z, carried.z)},
+           q.detail.surface_velocity, at);
+  } else {
+    closing = dot(n, acceleration) * set(-params.elapsed_s * params.h_s);
+    store3(next, q.detail.surface_velocity, at);
+  }
+  store(load(q.point.separation, at) - closing, q.point.separation, at);
+}
+
 template <bool kPair, bool kSpheres>
 void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
            const SubstepParams& params) {
@@ -267,16 +295,13 @@ void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows
     for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
       ContactLanes<kPair, kSpheres> l(o[i], lane, rows);
       const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
-      V3 carrying;
+      V3 carrying{zero(), zero(), zero()};
       if constexpr (kPair && !kSpheres)
         carrying = delta.carrying_velocity(l, point_ref(p, o[i].first_point), params);
       for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
         const PointRef q = point_ref(p, k);
         if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
-        if constexpr (kPair && !kSpheres) {
-          const V3 along = load3(q.point.normal, lane);
-          store3(carrying - along * dot(along, carrying), q.detail.surface_velocity, lane);
-        }
+        if constexpr (!kSpheres) move_point(l, q, carrying, params);
         solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
           V separation = delta.separation(l, q, along, params);
           if (!kPair && o[i].has_impulse_limit)

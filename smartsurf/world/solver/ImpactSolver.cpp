@@ -16,7 +16,11 @@ namespace {
 constexpr float kMinOverlap = 1e-6F;  // rounding errors of a position, u
 // A sphere hits two static surfaces at once if this far from the second when it hits the first, u.
 constexpr float kSameInstant = 1e-4F;
-constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
+constexpr int kMaxSetBackPasses = 4;
+// A blow ends after this many generations, but while bodies rebound not before this many points: a light body
+// between heavy ones goes back and forth a hundred times.
+constexpr int kMinGenerations = 16;
+constexpr std::size_t kMinBlowPoints = 4096;
 constexpr int kMaxResistingPasses = 16, kNormalSweepsPerPass = 8;
 // A contact without restitution resists a blow if it approaches at this share of the speed of the blow.
 constexpr float kResistingShare = 0.02F;
@@ -97,7 +101,7 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
 }  // namespace
 
 ImpactSolver::Sides::Sides(const Step& step, const Manifold& m, const Contact& c)
-    : surface_velocity(c.surface_velocity) {
+    : surface_velocity(c.surface_velocity + 0.5F * step.dt_s * c.surface_acceleration) {
   const BodyStore& bodies = step.bodies;
   velocity_a = step.velocity + step.partition.row(m.a);
   delta_a = step.delta_pose + step.partition.row(m.a);
@@ -217,16 +221,33 @@ void ImpactSolver::solve(const Step& step, const Member& member) {
   member.arrive_and_wait();
   if (member.is_caller()) {
     solve_on_caller(step, member);
-    sweeps_ = Sweeps::kNone;
+    task_ = Task::kNone;
     member.arrive_and_wait();
     return;
   }
   for (;;) {
     member.arrive_and_wait();
-    if (sweeps_ == Sweeps::kNone) return;
-    sweep_islands(member);
+    if (task_ == Task::kNone) return;
+    work_on_task(step, member);
     member.arrive_and_wait();
   }
+}
+
+// On the caller: has the whole team work on a task, if `shares`.
+void ImpactSolver::run(Task task, const Step& step, const Member& member, bool shares) {
+  constexpr int kAlone = 1;
+  task_ = task;
+  if (!shares) return work_on_task(step, {0, kAlone, member.barrier});
+  member.arrive_and_wait();
+  work_on_task(step, member);
+  member.arrive_and_wait();
+}
+
+void ImpactSolver::work_on_task(const Step& step, const Member& member) {
+  if (task_ == Task::kFindResisting)
+    find_resisting(step, member);
+  else
+    sweep_islands(member);
 }
 
 void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
@@ -236,26 +257,30 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
   for (const bool is_pair : {false, true}) is_point_[is_pair].assign(step.list(is_pair).contacts.size(), 0);
   index_manifolds(step);
   set_back_bodies(step);
-  for (int generation = 0; generation < kMaxGenerations; ++generation) {
+  std::size_t blow_points = 0;
+  is_last_ = false, rebounds_ = true;
+  for (int generation = 0; !is_last_; ++generation) {
     clear_points(step);
     tolerance_ = generation == 0 ? kFirstTolerance : kTolerance;
-    is_last_ = generation + 1 == kMaxGenerations;
+    is_last_ = generation + 1 >= kMinGenerations && (!rebounds_ || blow_points >= kMinBlowPoints);
+    rebounds_ = false;
     if (generation == 0)
       add_hits(step);
     else
       for (const ManifoldRef& m : active_) add_approaching_points(step, m);
     if (points_.empty()) break;
-    run_sweeps(member, Sweeps::kPoints, sweeps_of(points_.size()));
+    blow_points += points_.size();
+    run_sweeps(Task::kSolvePoints, step, member, sweeps_of(points_.size()));
     moved_bodies_.clear();
     int pass = 0;
-    for (; pass < kMaxResistingPasses && add_resisting_points(step); ++pass)
-      run_sweeps(member, Sweeps::kNormals, kNormalSweepsPerPass);
-    if (pass > 0) run_sweeps(member, Sweeps::kPoints, sweeps_of(points_.size()));
-    for (const std::int32_t body : moved_bodies_) mark_changed(body);
+    for (; pass < kMaxResistingPasses && add_resisting_points(step, member); ++pass)
+      run_sweeps(Task::kSolveNormals, step, member, kNormalSweepsPerPass);
+    if (pass > 0) run_sweeps(Task::kSolvePoints, step, member, sweeps_of(points_.size()));
+    for (const std::int32_t body : moved_bodies_) mark_changed(step, body);
     limit_energy();
     if (generation == 0) move_on(step);
     for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
-    collect_active_manifolds();
+    collect_active_manifolds(step);
   }
 }
 
@@ -267,12 +292,16 @@ void ImpactSolver::index_manifolds(const Step& step) {
   static_manifold_.assign(bodies, -1);
   static_hits_.assign(bodies, 0);
   next_pair_.resize(2 * pairs);
-  version_.resize(step.partition.row_count());
   island_.resize(bodies);
   energy_.resize(bodies);
   root_.assign(step.partition.row_count(), -1);
+  slab_of_row_.resize(step.partition.row_count());
+  for (int slab = 0; slab < step.partition.slab_count(); ++slab) {
+    const IndexRange rows = step.partition.rows_of(slab);
+    std::fill(slab_of_row_.begin() + rows.begin, slab_of_row_.begin() + rows.end, slab);
+  }
+  if (const int rows = step.partition.row_count(); rows > 0) row_states_.resize(index_of_state(rows - 1) + 1);
   island_of_root_.resize(step.partition.row_count());
-  is_changed_.resize(bodies, 0);
   blow_speed_.assign(bodies, 0.0F);
   is_active_pair_.assign(pairs, 0);
   for (std::size_t i = pairs; i-- > 0;) {
@@ -287,17 +316,17 @@ void ImpactSolver::index_manifolds(const Step& step) {
     static_manifold_[step.static_contacts.manifolds[i].a] = static_cast<std::int32_t>(i);
 }
 
-void ImpactSolver::mark_changed(std::int32_t body) {
-  if (is_changed_[body]) return;
-  is_changed_[body] = 1;
-  changed_bodies_.push_back(body);
+void ImpactSolver::mark_changed(const Step& step, std::int32_t body) {
+  bool& is_changed = state_of_row(step.partition.row(body)).is_changed;
+  if (!is_changed) changed_bodies_.push_back(body);
+  is_changed = true;
 }
 
 // Moves on from the changed bodies to their manifolds.
-void ImpactSolver::collect_active_manifolds() {
+void ImpactSolver::collect_active_manifolds(const Step& step) {
   active_.clear();
   for (const std::int32_t body : changed_bodies_) {
-    is_changed_[body] = 0;
+    state_of_row(step.partition.row(body)).is_changed = false;
     for (std::int32_t link = first_pair_[body]; link >= 0; link = next_pair_[link]) {
       char& is_active = is_active_pair_[link / 2];
       if (!is_active) active_.push_back({true, link / 2});
@@ -319,7 +348,7 @@ void ImpactSolver::set_back_bodies(const Step& step) {
     set_back(step, list.manifolds[hit.manifold], list.contacts[hit.contact], kMinOverlap, &hit);
   }
   for (int pass = 0; pass < kMaxSetBackPasses && !changed_bodies_.empty(); ++pass) {
-    collect_active_manifolds();
+    collect_active_manifolds(step);
     for (const ManifoldRef& ref : active_) {
       const ContactList& list = step.list(ref.is_pair);
       const Manifold& m = list.manifolds[ref.index];
@@ -327,7 +356,7 @@ void ImpactSolver::set_back_bodies(const Step& step) {
         set_back(step, m, list.contacts[k], kTouchingSeparation);
     }
   }
-  for (const std::int32_t body : changed_bodies_) is_changed_[body] = 0;
+  for (const std::int32_t body : changed_bodies_) state_of_row(step.partition.row(body)).is_changed = false;
   changed_bodies_.clear();
 }
 
@@ -371,10 +400,15 @@ void ImpactSolver::move_pair_on(const Step& step, std::size_t first, std::size_t
 }
 
 // Removes what the overlap has grown by in the step, if that exceeds `min_overlap`. Each body gives way by
-// the share that it has in the approach. Not by mass: a body at rest stays where it is.
+// the share that it has in the approach. Not by mass: a body at rest stays where it is. Nor does one with
+// joints give way, off which it would be; see NativeEngine::stop_jointed().
 void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap,
                             Hit* hit) {
   if (c.gives_way()) return;
+  const auto moves = [&](std::int32_t body) {
+    return step.velocity[step.partition.row(body)].inverse_mass > 0.0F && !step.bodies.is_jointed[body];
+  };
+  const bool moves_a = moves(m.a), moves_b = m.b >= 0 && moves(m.b);
   const Sides s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
   if (!(overlap > min_overlap)) return;
@@ -383,33 +417,33 @@ void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
     float a = std::max(-c.normal.dot(s.displacement_a()), 0.0F),
           b = std::max(c.normal.dot(s.displacement_b(step.dt_s)), 0.0F);
     if (!(a + b > 0.0F)) a = s.velocity_a->inverse_mass, b = s.velocity_b->inverse_mass;
-    if (s.velocity_a->inverse_mass == 0.0F) a = 0.0F;
-    if (s.velocity_b->inverse_mass == 0.0F) b = 0.0F;
+    if (!moves_a) a = 0.0F;
+    if (!moves_b) b = 0.0F;
     if (!(a + b > 0.0F)) return;
     share_a = a / (a + b);
     if (share_a < 1.0F) {
       const Vec3 change = -(1.0F - share_a) * overlap * c.normal;
       Vec(s.delta_b->translation) += change;
       if (hit != nullptr) hit->set_back_b += change;
-      mark_changed(m.b);
+      mark_changed(step, m.b);
     }
   }
-  if (share_a > 0.0F && s.velocity_a->inverse_mass > 0.0F) {
+  if (share_a > 0.0F && moves_a) {
     const Vec3 change = share_a * overlap * c.normal;
     Vec(s.delta_a->translation) += change;
     if (hit != nullptr) hit->set_back_a += change;
-    mark_changed(m.a);
+    mark_changed(step, m.a);
   }
 }
 
 // ---- the points of a generation
 
-ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m, Contact& c) {
-  return add_point(step, m, c, Sides(step, m, c), c.normal);
+ImpactSolver::Point ImpactSolver::make_point(const Step& step, const Manifold& m, Contact& c) {
+  return make_point(step, m, c, Sides(step, m, c), c.normal);
 }
 
 // The point at which the bodies of a hit meet.
-ImpactSolver::Point& ImpactSolver::add_meeting(const Step& step, const Hit& hit, const Manifold& m,
+ImpactSolver::Point ImpactSolver::make_meeting(const Step& step, const Hit& hit, const Manifold& m,
                                                Contact& c) {
   const BodyStore& bodies = step.bodies;
   Sides s(step, m, c);
@@ -422,16 +456,17 @@ ImpactSolver::Point& ImpactSolver::add_meeting(const Step& step, const Hit& hit,
   else if (c.anchor_time_s == 0.0F)
     s.anchor_a -= 0.5F * (hit.approach - hit.normal.dot(hit.approach) * hit.normal);
   s.anchor_b = s.anchor_a + distance;
-  return add_point(step, m, c, s, hit.normal);
+  return make_point(step, m, c, s, hit.normal);
 }
 
-ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m, Contact& c,
+ImpactSolver::Point ImpactSolver::make_point(const Step& step, const Manifold& m, Contact& c,
                                              const Sides& sides, const Vec3& normal) {
-  Point& p = points_.emplace_back(sides);
+  Point p(sides);
   p.contact = &c;
   is_point(step, m.b >= 0, c) = 1;
   p.a = m.a, p.b = m.b;
   p.row_a = step.partition.row(m.a), p.row_b = m.b >= 0 ? step.partition.row(m.b) : -1;
+  p.state_a = &state_of_row(p.row_a), p.state_b = m.b >= 0 ? &state_of_row(p.row_b) : nullptr;
   law::Vector3<float> t, u;
   law::tangents(to_law(normal), t, u);
   p.axis[0] = normal, p.axis[1] = from_law(t), p.axis[2] = from_law(u);
@@ -470,10 +505,11 @@ void ImpactSolver::add_hits(const Step& step) {
     const Manifold& m = list.manifolds[hit.manifold];
     Contact& c = list.contacts[hit.contact];
     const float restitution = restitution_at(step, m, c);
-    Point& p = hit.is_pair && !hit.in_substeps ? add_meeting(step, hit, m, c) : add_point(step, m, c);
+    Point p = hit.is_pair && !hit.in_substeps ? make_meeting(step, hit, m, c) : make_point(step, m, c);
     if (hit.in_substeps) {
       set_target(p, law::rebound_speed(restitution, hit.approach_speed), 0.0F);
       p.energy_budget = 0.5F * p.normal_mass * hit.approach_speed * hit.approach_speed;
+      add_point(p);
       continue;
     }
     const float speed_after = p.velocity_before[0];
@@ -489,6 +525,7 @@ void ImpactSolver::add_hits(const Step& step) {
     // The rest of the impulse supports the body until the end of the step.
     const float change = rebound.end_speed - speed_after;
     if (change > 0.0F) p.friction *= std::min(1.0F, (1.0F + restitution) * rebound.contact_speed / change);
+    add_point(p);
   }
 }
 
@@ -514,22 +551,38 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   if (touches && least < -kRestitutionThreshold) {
     // A body that surfaces squeeze would bounce between them without end.
     const bool is_elastic = !is_last_ && (ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits);
-    for (const Approaching& a : approaching_)
-      set_target(add_point(step, m, *a.contact), is_elastic ? a.rebound_speed : 0.0F, 0.0F);
+    rebounds_ |= is_elastic;
+    for (const Approaching& a : approaching_) {
+      Point p = make_point(step, m, *a.contact);
+      set_target(p, is_elastic ? a.rebound_speed : 0.0F, 0.0F);
+      add_point(p);
+    }
   }
   approaching_.clear();
 }
 
 // Adds the touching contacts without restitution that the blow has made approach: a body that rests on
 // another is not struck as if it hung free. Returns whether there are any.
-bool ImpactSolver::add_resisting_points(const Step& step) {
+bool ImpactSolver::add_resisting_points(const Step& step, const Member& member) {
+  constexpr std::size_t kMinSharedManifolds = 64;
   const std::size_t before = points_.size();
   moved_bodies_.insert(moved_bodies_.end(), changed_bodies_.begin(), changed_bodies_.end());
-  collect_active_manifolds();
-  for (const ManifoldRef& ref : active_) {
+  collect_active_manifolds(step);
+  run(Task::kFindResisting, step, member, member.member_count > 1 && active_.size() >= kMinSharedManifolds);
+  for (MemberState& m : members_) {
+    std::ranges::for_each(m.resisting, [this](const Point& p) { add_point(p); });
+    m.resisting.clear();
+  }
+  return points_.size() > before;
+}
+
+void ImpactSolver::find_resisting(const Step& step, const Member& member) {
+  auto& [candidates, changes, resisting, contacts, greatest_change] = members_[member.index];
+  const IndexRange own = member.share(static_cast<int>(active_.size()));
+  for (const ManifoldRef& ref : std::span(active_).subspan(own.begin, own.end - own.begin)) {
     ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
     const Manifold& m = list.manifolds[ref.index];
-    resisting_.clear();
+    contacts.clear();
     bool approach = false, touches = false;
     const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
     for (int k = m.first; k < m.first + m.count; ++k) {
@@ -541,17 +594,20 @@ bool ImpactSolver::add_resisting_points(const Step& step) {
       if (separation > touching_separation(step, speed)) continue;
       touches |= separation <= kTouchingSeparation;
       approach |= speed < -kResistingShare * blow_speed;
-      resisting_.push_back(&c);
+      contacts.push_back(&c);
     }
     if (!touches || !approach) continue;
-    for (Contact* c : resisting_) set_target(add_point(step, m, *c), 0.0F, blow_speed);
+    for (Contact* c : contacts) set_target(resisting.emplace_back(make_point(step, m, *c)), 0.0F, blow_speed);
   }
-  return points_.size() > before;
 }
 
 void ImpactSolver::set_target(Point& p, float speed, float blow_speed) {
   p.target_speed = speed;
   p.blow_speed = std::max(blow_speed, std::abs(speed) + std::abs(p.velocity_before[0]));
+}
+
+void ImpactSolver::add_point(const Point& p) {
+  points_.push_back(p);
   for (const std::int32_t body : {p.a, p.b})
     if (body >= 0) blow_speed_[body] = std::max(blow_speed_[body], p.blow_speed);
 }

@@ -7,9 +7,9 @@
 // with Coulomb friction on the same impulse; then those that approach because of it, and so on. So a blow
 // travels through a row of balls one by one, and what is symmetric stays symmetric.
 //
-// One thread solves the impacts. Where a blow reaches many contacts, the team shares the sweeps over them,
-// island by island. An island is swept for as long as the whole list would be, in the order of the list, so
-// that the impulses are those of sweeps over the list, to the bit.
+// One thread solves the impacts. Where a blow reaches many contacts, the team shares the search for those
+// that resist it and the sweeps: island by island, and a great island slab by slab. An island is swept for as
+// long as the whole list would be. The order of a sweep depends on the contacts alone.
 #pragma once
 
 #include <cstdint>
@@ -103,6 +103,10 @@ class ImpactSolver {
       return ConstVec(v.velocity) + ConstVec(v.angular_velocity).cross(anchor);
     }
   };
+  struct RowState {
+    std::uint32_t version = 0;  // counts the changes of the body's velocity
+    bool is_changed = false;    // the body is among changed_bodies_, or will be
+  };
   // A colliding contact of the current generation. Components are along the normal and two tangents. In the
   // list, several members write to neighbours.
   struct alignas(64) Point : Sides {
@@ -111,6 +115,7 @@ class ImpactSolver {
     Contact* contact;
     std::int32_t a, b;          // bodies; b = −1: static
     std::int32_t row_a, row_b;  // of a and b
+    RowState *state_a, *state_b;
     Vec3 axis[3];
     Vec3 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
     float normal_mass;
@@ -129,11 +134,17 @@ class ImpactSolver {
   struct IslandEnergy {
     float linear = 0, quadratic = 0, budget = 0;
   };
+  // A sweep over a great island goes through the points within each slab, then through those between each
+  // slab and the next, first the even ones, and at last through the others: of large bodies, of sleepers, of
+  // bodies on a long way. Within a phase no body has points in two slabs, so members may take a slab each.
+  enum Phase { kWithinSlabs, kAfterEvenSlabs, kAfterOddSlabs, kElsewhere, kPhases };
   // Points that reach each other through bodies, fixed ones too.
   struct Island {
     std::int32_t root;
     std::int32_t first = 0, count = 0;  // in order_
     std::int32_t friction_sweeps = 0;
+    // In bounds_, of a great island: for each phase, where the points of each member begin, and the end.
+    std::int32_t first_bound = -1;
     bool is_settled = false;  // further sweeps change nothing
   };
   // Islands that a member claims at once.
@@ -149,20 +160,33 @@ class ImpactSolver {
   struct alignas(128) MemberState {
     std::vector<Candidate> candidates;
     std::vector<Change> changes;
+    std::vector<Point> resisting;
+    std::vector<Contact*> contacts;  // of a manifold that may resist
+    float greatest_change[2];        // of the last two sweeps of the team
+  };
+  // Who sweeps over an island: a member, or the team, of which this is a member.
+  struct Sweeper {
+    MemberState& state;
+    const Member* team = nullptr;
+    bool is_odd = false;  // number of sweeps until now
   };
   // A point's visit in a sweep.
   struct Visit {
     std::vector<Change>& changes;
     std::uint64_t order;
   };
-  enum class Sweeps { kNone, kNormals, kPoints };
+  // What the caller has all members do.
+  enum class Task { kNone, kFindResisting, kSolveNormals, kSolvePoints };
 
   void solve_on_caller(const Step&, const Member&);
-  void run_sweeps(const Member&, Sweeps, int max_sweeps);
-  void find_islands();
+  void run(Task, const Step&, const Member&, bool shares);
+  void work_on_task(const Step&, const Member&);
+  void run_sweeps(Task, const Step&, const Member&, int max_sweeps);
+  void find_islands(const SpatialPartition&);
+  void order_by_slab(Island&, const SpatialPartition&);
   void group_islands(int member_count);
   void sweep_islands(const Member&);
-  void sweep_chunk(const Chunk&, std::vector<Change>&);
+  void sweep_island(Island&, Sweeper);
   bool continue_islands();
   void take_changes();
   void find_hits(const Step&);
@@ -174,28 +198,38 @@ class ImpactSolver {
   void set_back(const Step&, const Manifold&, const Contact&, float min_overlap, Hit* hit = nullptr);
   void move_on(const Step&);
   void move_pair_on(const Step&, std::size_t first, std::size_t end);
-  void mark_changed(std::int32_t body);
-  void collect_active_manifolds();
+  void mark_changed(const Step&, std::int32_t body);
+  void collect_active_manifolds(const Step&);
   void add_hits(const Step&);
-  Point& add_meeting(const Step&, const Hit&, const Manifold&, Contact&);
+  Point make_meeting(const Step&, const Hit&, const Manifold&, Contact&);
   void add_approaching_points(const Step&, const ManifoldRef&);
-  bool add_resisting_points(const Step&);
-  void set_target(Point&, float speed, float blow_speed);
+  bool add_resisting_points(const Step&, const Member&);
+  void find_resisting(const Step&, const Member&);
+  static void set_target(Point&, float speed, float blow_speed);
   char& is_point(const Step&, bool is_pair, const Contact&);
   void clear_points(const Step&);
-  Point& add_point(const Step&, const Manifold&, Contact&);
-  Point& add_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
-  void solve_points(Island&, std::vector<Change>&);
-  void solve_normals(const Island&, int max_sweeps, int first_number, std::vector<Change>&);
-  bool normals_are_solved(const Island&) const;
+  Point make_point(const Step&, const Manifold&, Contact&);
+  Point make_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
+  void add_point(const Point&);
+  void solve_points(Island&, Sweeper&);
+  void solve_normals(const Island&, Sweeper&, int max_sweeps, int first_number);
+  bool normals_are_solved(const Island&, Sweeper&);
   template <class Each>
-  void for_each_point(const Island&, bool is_backward, int number, std::vector<Change>&, Each each);
+  float sweep(const Island&, Sweeper&, bool is_backward, int number, Each each);
   // A number that changes whenever the velocity of one of the two bodies does.
-  std::uint32_t versions(const Point& p) const {
-    return version_[p.row_a] + (p.row_b >= 0 ? version_[p.row_b] : 0);
+  static std::uint32_t versions(const Point& p) {
+    return p.state_a->version + (p.state_b == nullptr ? 0 : p.state_b->version);
   }
+  // Those of two slabs are on different cache lines: members that sweep over neighbouring slabs would delay
+  // each other.
+  std::int32_t index_of_state(std::int32_t row) const {
+    constexpr int kRowsBetweenSlabs = 128 / sizeof(RowState);
+    return row + slab_of_row_[row] * kRowsBetweenSlabs;
+  }
+  RowState& state_of_row(std::int32_t row) { return row_states_[index_of_state(row)]; }
   void apply_impulse(Point&, int axis, float impulse);
   float count_change(const Point&, float impulse_change, const Visit&);
+  static void prefetch(const Point&);
   void solve_normal(Point&, const Visit&);
   float solve_friction(Point&, const Visit&);
   void limit_energy();
@@ -206,33 +240,34 @@ class ImpactSolver {
   std::vector<std::int32_t> first_pair_, next_pair_, static_manifold_;
   std::vector<Postponed> postponed_;       // by static contact; empty if there is none
   std::vector<std::uint8_t> static_hits_;  // by body: generations that its static contacts took part in
+  std::vector<RowState> row_states_;
   // Bodies that the last generation moved, and their manifolds.
   std::vector<std::int32_t> changed_bodies_;
-  std::vector<char> is_changed_;
   std::vector<ManifoldRef> active_;
   std::vector<char> is_active_pair_;
   float tolerance_ = 0.0F;  // of the current generation
   bool is_last_ = false;    // of the generations: without restitution
+  bool rebounds_ = false;   // a contact of the last generation
   std::vector<Approaching> approaching_;
-  std::vector<Contact*> resisting_;
   std::vector<float> blow_speed_;           // by body
   std::vector<std::int32_t> moved_bodies_;  // in the current generation
   std::vector<Point> points_;
-  std::vector<char> is_point_[2];       // by contact: static ones, those of pairs
-  std::vector<std::uint32_t> version_;  // by row: counts the changes of the body's velocity
+  std::vector<char> is_point_[2];  // by contact: static ones, those of pairs
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;
   // ---- sweeps
-  Sweeps sweeps_ = Sweeps::kNone;  // that all members are to run
+  Task task_ = Task::kNone;
   int max_sweeps_ = 0;
   std::vector<std::int32_t> root_;  // by row: another of its island, or itself; −1: no point touches it
   std::size_t joined_points_ = 0;   // how many of the list root_ knows
   std::vector<std::int32_t> island_of_root_;
   std::vector<Island> islands_;
-  std::vector<std::int32_t> order_;  // points, island by island, each in the order of the list
+  std::vector<std::int32_t> order_;  // points, island by island, in the order of their sweeps
+  std::vector<std::int32_t> bounds_, slab_of_row_, first_in_slab_, unordered_;
+  std::size_t shared_islands_ = 0;  // the first of islands_, which the team sweeps together
   std::vector<Chunk> chunks_;
-  std::size_t great_islands_ = 0;           // each the only one of a chunk; these come first
+  std::size_t lone_islands_ = 0;            // each the only one of a chunk; these come first
   std::int32_t least_friction_sweeps_ = 0;  // that each island takes part in
   std::vector<Change> changes_;
 };

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/index/UnionFind.h"
+#include "common/memory/Prefetch.h"
 #include "smartsurf/world/solver/ContactLaw-inl.h"
 #include "smartsurf/world/solver/ImpactSolver.h"
 
@@ -14,8 +15,12 @@ namespace smartsurf::world {
 namespace {
 
 constexpr int kNormalSweeps = 32, kNormalSweepsPerFrictionSweep = 4;
-// Sweeps stay on one thread where fewer points lie outside the greatest island.
+// Sweeps stay on one thread where fewer points lie outside the greatest island, and fewer per member within.
 constexpr std::size_t kMinSharedPoints = 96;
+constexpr std::int32_t kMinPointsPerMember = 64;
+constexpr std::int32_t kMinGreatIsland = 128;  // in points
+
+constexpr int kPrefetchDistance = 4;  // in points
 
 using Vec = Eigen::Map<Vec3>;
 using common::find_root;
@@ -24,22 +29,22 @@ using common::find_root;
 
 // ---- islands
 
-void ImpactSolver::run_sweeps(const Member& member, Sweeps sweeps, int max_sweeps) {
-  sweeps_ = sweeps, max_sweeps_ = max_sweeps;
-  find_islands();
+void ImpactSolver::run_sweeps(Task task, const Step& step, const Member& member, int max_sweeps) {
+  max_sweeps_ = max_sweeps;
+  find_islands(step.partition);
   const auto greatest = static_cast<std::size_t>(std::ranges::max(islands_, {}, &Island::count).count);
-  const bool shares = member.member_count > 1 && points_.size() - greatest >= kMinSharedPoints;
+  const bool shares =
+      member.member_count > 1 && (points_.size() - greatest >= kMinSharedPoints ||
+                                  static_cast<int>(greatest) >= kMinPointsPerMember * member.member_count);
   least_friction_sweeps_ = 0;
   do {
     group_islands(shares ? member.member_count : 1);
-    if (shares) member.arrive_and_wait();
-    sweep_islands(member);
-    if (shares) member.arrive_and_wait();
+    run(task, step, member, shares);
   } while (continue_islands());
   take_changes();
 }
 
-void ImpactSolver::find_islands() {
+void ImpactSolver::find_islands(const SpatialPartition& partition) {
   for (; joined_points_ < points_.size(); ++joined_points_) {
     const Point& p = points_[joined_points_];
     for (const std::int32_t row : {p.row_a, p.row_b})
@@ -66,64 +71,113 @@ void ImpactSolver::find_islands() {
   order_.resize(points_.size());
   for (std::size_t i = 0; i < points_.size(); ++i)
     order_[island_of_root_[find_root(root_, points_[i].row_a)]++] = static_cast<std::int32_t>(i);
+  bounds_.clear();
+  for (Island& island : islands_)
+    if (island.count >= kMinGreatIsland) order_by_slab(island, partition);
 }
 
-// Islands with more than a member's share come first, the others in the order of the rows: what members write
-// at the same time lies apart.
+// Sorts the points of a great island by phase and slab, and cuts each phase into parts for the members, of
+// about as many points.
+void ImpactSolver::order_by_slab(Island& island, const SpatialPartition& partition) {
+  const int slabs = partition.slab_count();
+  const auto key_of = [&](std::int32_t point) {
+    const Point& p = points_[point];
+    const int a = slab_of_row_[p.row_a], b = p.row_b < 0 ? a : slab_of_row_[p.row_b], slab = std::min(a, b);
+    const Phase phase = a == b                  ? kWithinSlabs
+                        : a + b != 2 * slab + 1 ? kElsewhere
+                        : slab % 2 == 0         ? kAfterEvenSlabs
+                                                : kAfterOddSlabs;
+    return phase * slabs + slab;
+  };
+  const std::span points(order_.data() + island.first, static_cast<std::size_t>(island.count));
+  first_in_slab_.assign(kPhases * slabs + 1, 0);
+  for (const std::int32_t point : points) ++first_in_slab_[key_of(point) + 1];
+  first_in_slab_[0] = island.first;
+  for (int i = 0; i < kPhases * slabs; ++i) first_in_slab_[i + 1] += first_in_slab_[i];
+
+  // A member takes the same slabs in each phase, whose bodies stay in its cache.
+  const auto firsts_of = [&](int phase) {
+    return std::span(first_in_slab_).subspan(phase * slabs, slabs + 1);
+  };
+  const auto members = static_cast<std::int32_t>(members_.size());
+  island.first_bound = static_cast<std::int32_t>(bounds_.size());
+  bounds_.resize(bounds_.size() + kPhases * (members + 1));
+  std::int32_t slab = 0, before = 0;  // points in the slabs before
+  for (std::int32_t m = 0; m <= members; ++m) {
+    for (; slab < slabs && before < island.count * m / members; ++slab)
+      for (int phase = 0; phase < kPhases; ++phase)
+        before += firsts_of(phase)[slab + 1] - firsts_of(phase)[slab];
+    for (int phase = 0; phase < kPhases; ++phase)
+      bounds_[island.first_bound + phase * (members + 1) + m] =
+          phase == kElsewhere && m > 0 ? firsts_of(phase).back() : firsts_of(phase)[slab];
+  }
+  unordered_.assign(points.begin(), points.end());
+  for (const std::int32_t point : unordered_) order_[first_in_slab_[key_of(point)]++] = point;
+}
+
+// Islands that the team shares come first, then those with more than a member's share, the others in the
+// order of the rows: what members write at the same time lies apart.
 void ImpactSolver::group_islands(int member_count) {
   constexpr int kChunksPerMember = 4;
   chunks_.clear();
+  shared_islands_ = lone_islands_ = 0;
   if (member_count == 1) {
     chunks_.push_back({0, islands_.size()});
-    great_islands_ = 0;
     return;
   }
-  const auto points = static_cast<std::int32_t>(points_.size());
-  const auto is_great = [&](const Island& island) { return island.count > points / member_count; };
+  std::int32_t points = 0;
+  const auto is_shared = [&](const Island& island) {
+    return island.first_bound >= 0 && island.count >= kMinPointsPerMember * member_count;
+  };
+  for (const Island& island : islands_)
+    if (!is_shared(island)) points += island.count;
+  const auto rank_of = [&](const Island& island) {
+    return is_shared(island) ? 0 : island.count > points / member_count ? 1 : 2;
+  };
   std::ranges::sort(islands_, {},
-                    [&](const Island& island) { return std::pair(!is_great(island), island.root); });
-  const auto others = std::ranges::find_if_not(islands_, is_great);
-  great_islands_ = others - islands_.begin();
-  for (std::size_t i = 0; i < great_islands_; ++i) chunks_.push_back({i, i + 1});
+                    [&](const Island& island) { return std::pair(rank_of(island), island.root); });
+  const auto first_of = [&](int rank) {
+    return std::ranges::lower_bound(islands_, rank, {}, rank_of) - islands_.begin();
+  };
+  shared_islands_ = first_of(1);
+  lone_islands_ = first_of(2) - shared_islands_;
   std::int32_t in_chunk = 0;
-  for (std::size_t i = great_islands_; i < islands_.size(); ++i) {
+  for (std::size_t i = shared_islands_; i < islands_.size(); ++i) {
     if (in_chunk == 0) chunks_.push_back({i, i});
     ++chunks_.back().end;
     in_chunk += islands_[i].count;
-    if (in_chunk * kChunksPerMember * member_count >= points) in_chunk = 0;
+    if (chunks_.size() <= lone_islands_ || in_chunk * kChunksPerMember * member_count >= points) in_chunk = 0;
   }
 }
 
-// Members claim the great islands and then chunks, each from its share on, so that a body stays in the cache
-// of a core.
+// The team sweeps over the shared islands together. Then members claim the lone islands and then chunks, each
+// from its share on, so that a body stays in the cache of a core.
 void ImpactSolver::sweep_islands(const Member& member) {
-  std::vector<Change>& changes = members_[member.index].changes;
+  MemberState& state = members_[member.index];
+  for (std::size_t i = 0; i < shared_islands_; ++i) sweep_island(islands_[i], {state, &member});
   const auto claim = [&](Chunk& chunk) {
-    if (std::atomic_ref(chunk.is_claimed).exchange(1, std::memory_order_relaxed) == 0)
-      sweep_chunk(chunk, changes);
+    if (std::atomic_ref(chunk.is_claimed).exchange(1, std::memory_order_relaxed) != 0) return;
+    for (std::size_t i = chunk.first; i < chunk.end; ++i) sweep_island(islands_[i], {state});
   };
-  const std::span great(chunks_.data(), great_islands_), others = std::span(chunks_).subspan(great_islands_);
-  for (Chunk& chunk : great) claim(chunk);
+  const std::span lone(chunks_.data(), lone_islands_), others = std::span(chunks_).subspan(lone_islands_);
+  for (Chunk& chunk : lone) claim(chunk);
   const std::size_t begin = others.size() * member.index / member.member_count;
   for (std::size_t k = begin; k < others.size(); ++k) claim(others[k]);
   for (std::size_t k = 0; k < begin; ++k) claim(others[k]);
 }
 
-void ImpactSolver::sweep_chunk(const Chunk& chunk, std::vector<Change>& changes) {
-  for (std::size_t i = chunk.first; i < chunk.end; ++i) {
-    Island& island = islands_[i];
-    if (sweeps_ == Sweeps::kNormals)
-      solve_normals(island, max_sweeps_, 0, changes);
-    else if (!island.is_settled &&
-             (island.friction_sweeps == 0 || island.friction_sweeps < least_friction_sweeps_))
-      solve_points(island, changes);
-  }
+void ImpactSolver::sweep_island(Island& island, Sweeper by) {
+  if (task_ == Task::kSolveNormals)
+    solve_normals(island, by, max_sweeps_, 0);
+  else if (!island.is_settled &&
+           (island.friction_sweeps == 0 || island.friction_sweeps < least_friction_sweeps_))
+    solve_points(island, by);
 }
 
 // Sweeps over the whole list go on while a point of any island changes. Returns whether islands are left that
 // such a sweep would change.
 bool ImpactSolver::continue_islands() {
-  if (sweeps_ == Sweeps::kNormals) return false;
+  if (task_ == Task::kSolveNormals) return false;
   for (const Island& island : islands_)
     least_friction_sweeps_ = std::max(least_friction_sweeps_, island.friction_sweeps);
   return std::ranges::any_of(islands_, [this](const Island& island) {
@@ -159,69 +213,98 @@ void ImpactSolver::take_changes() {
   const float whole = p.normal_mass * p.blow_speed,
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
   if (!(change > tolerance_)) return change;
-  ++version_[p.row_a];
-  if (p.row_b >= 0) ++version_[p.row_b];
-  for (const std::int32_t body : {p.a, p.b}) {
-    if (body < 0) continue;
-    if (is_changed_[body]) continue;
-    is_changed_[body] = 1;
-    visit.changes.push_back({visit.order + (body == p.b ? 1 : 0), body});
-  }
+  const auto note = [&](RowState& state, std::int32_t body, int place) {
+    ++state.version;
+    if (!state.is_changed) visit.changes.push_back({visit.order + place, body});
+    state.is_changed = true;
+  };
+  note(*p.state_a, p.a, 0);
+  if (p.state_b != nullptr) note(*p.state_b, p.b, 1);
   return change;
 }
 
 // Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both,
 // and the body is to stick, not to shoot out.
-void ImpactSolver::solve_points(Island& island, std::vector<Change>& changes) {
+void ImpactSolver::solve_points(Island& island, Sweeper& by) {
   constexpr int kSweepsPerFrictionSweep = 1 + kNormalSweepsPerFrictionSweep;
   const auto number_of = [](int friction_sweep) {
     return kNormalSweeps + friction_sweep * kSweepsPerFrictionSweep;
   };
-  if (island.friction_sweeps == 0) solve_normals(island, kNormalSweeps, 0, changes);
-  for (int sweep = island.friction_sweeps;; ++sweep) {
-    if (sweep > 0) solve_normals(island, kNormalSweepsPerFrictionSweep, number_of(sweep - 1) + 1, changes);
-    float greatest_change = 0.0F;
-    for_each_point(island, sweep % 2 != 0, number_of(sweep), changes, [&](Point& p, const Visit& visit) {
-      if (p.friction > 0.0F && p.seen_friction != versions(p))
-        greatest_change = std::max(greatest_change, solve_friction(p, visit));
-    });
-    island.friction_sweeps = sweep + 1;
-    island.is_settled =
-        sweep + 1 == max_sweeps_ || (greatest_change < tolerance_ && normals_are_solved(island));
-    if (island.is_settled || (greatest_change < tolerance_ && sweep + 1 >= least_friction_sweeps_)) return;
+  const int done = island.friction_sweeps;
+  if (done == 0) solve_normals(island, by, kNormalSweeps, 0);
+  for (int sweep_number = done;; ++sweep_number) {
+    if (sweep_number > 0)
+      solve_normals(island, by, kNormalSweepsPerFrictionSweep, number_of(sweep_number - 1) + 1);
+    const float greatest_change =
+        sweep(island, by, sweep_number % 2 != 0, number_of(sweep_number), [&](Point& p, const Visit& visit) {
+          return p.friction > 0.0F && p.seen_friction != versions(p) ? solve_friction(p, visit) : 0.0F;
+        });
+    const bool is_settled =
+        sweep_number + 1 == max_sweeps_ || (greatest_change < tolerance_ && normals_are_solved(island, by));
+    if (!is_settled && (greatest_change >= tolerance_ || sweep_number + 1 < least_friction_sweeps_)) continue;
+    if (by.team != nullptr && !by.team->is_caller()) return;
+    island.friction_sweeps = sweep_number + 1;
+    island.is_settled = is_settled;
+    return;
   }
 }
 
-void ImpactSolver::solve_normals(const Island& island, int max_sweeps, int first_number,
-                                 std::vector<Change>& changes) {
+void ImpactSolver::solve_normals(const Island& island, Sweeper& by, int max_sweeps, int first_number) {
   bool any = true;
-  for (int sweep = 0; any && sweep < max_sweeps; ++sweep) {
-    any = false;
-    for_each_point(island, sweep % 2 != 0, first_number + sweep, changes, [&](Point& p, const Visit& visit) {
-      if (p.seen_normal == versions(p)) return;
-      any = true;
-      solve_normal(p, visit);
-    });
-  }
+  for (int number = 0; any && number < max_sweeps; ++number)
+    any = sweep(island, by, number % 2 != 0, first_number + number, [&](Point& p, const Visit& visit) {
+            if (p.seen_normal == versions(p)) return 0.0F;
+            solve_normal(p, visit);
+            return 1.0F;
+          }) > 0.0F;
 }
 
 // True if no velocity has changed since each normal was solved.
-bool ImpactSolver::normals_are_solved(const Island& island) const {
-  const std::span points(order_.data() + island.first, static_cast<std::size_t>(island.count));
-  return std::ranges::all_of(
-      points, [this](std::int32_t i) { return points_[i].seen_normal == versions(points_[i]); });
+bool ImpactSolver::normals_are_solved(const Island& island, Sweeper& by) {
+  return sweep(island, by, false, 0, [](const Point& p, const Visit&) {
+           return p.seen_normal == versions(p) ? 0.0F : 1.0F;
+         }) == 0.0F;
+}
+
+// Another member may have written them last.
+void ImpactSolver::prefetch(const Point& p) {
+  common::prefetch_to_write(p.velocity_a), common::prefetch_to_write(p.state_a);
+  if (p.velocity_b == nullptr) return;
+  common::prefetch_to_write(p.velocity_b), common::prefetch_to_write(p.state_b);
 }
 
 // Back and forth, so that no end of the list is favoured. `number`: of the sweep, since the first over these
-// points.
+// points. Returns the greatest that each() returns for any point, on all members that sweep.
 template <class Each>
-void ImpactSolver::for_each_point(const Island& island, bool is_backward, int number,
-                                  std::vector<Change>& changes, Each each) {
-  for (std::int32_t k = 0; k < island.count; ++k) {
-    const std::int32_t i = order_[is_backward ? island.first + island.count - 1 - k : island.first + k];
-    const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
-    each(points_[i], Visit{changes, static_cast<std::uint64_t>(number) << 32U | place << 1U});
+float ImpactSolver::sweep(const Island& island, Sweeper& by, bool is_backward, int number, Each each) {
+  float greatest = 0.0F;
+  const auto visit = [&](std::int32_t begin, std::int32_t end) {
+    const auto point = [&](std::int32_t k) { return order_[is_backward ? end - 1 - k : begin + k]; };
+    for (std::int32_t k = 0; k < end - begin; ++k) {
+      if (k + kPrefetchDistance < end - begin) prefetch(points_[point(k + kPrefetchDistance)]);
+      const std::int32_t i = point(k);
+      const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
+      const Visit v{by.state.changes, static_cast<std::uint64_t>(number) << 32U | place << 1U};
+      greatest = std::max(greatest, each(points_[i], v));
+    }
+  };
+  if (by.team == nullptr) {
+    visit(island.first, island.first + island.count);
+    return greatest;
   }
+  by.is_odd = !by.is_odd;
+  for (int i = 0; i < kPhases; ++i) {
+    const auto members = members_.size();
+    const int phase = is_backward ? kPhases - 1 - i : i;
+    const std::span bounds =
+        std::span(bounds_).subspan(island.first_bound + phase * (members + 1), members + 1);
+    if (bounds.front() == bounds.back()) continue;
+    visit(bounds[by.team->index], bounds[by.team->index + 1]);
+    by.state.greatest_change[by.is_odd] = greatest;
+    by.team->arrive_and_wait();
+  }
+  for (const MemberState& m : members_) greatest = std::max(greatest, m.greatest_change[by.is_odd]);
+  return greatest;
 }
 
 void ImpactSolver::solve_normal(Point& p, const Visit& visit) {

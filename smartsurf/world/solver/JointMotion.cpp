@@ -55,7 +55,7 @@ void JointSolver::predict(IndexRange trees) {
       store_lane(batch.momentum, b.momentum);
       store_lane(batch.angular_velocity, b.angular_velocity);
       batch.free_time[lane] = time[source];
-      batch.is_axisymmetric[lane] = 0.0;
+      batch.is_axisymmetric[lane] = batch.slenderness[lane] = 0.0;
     }
     integrate_rotation(batch);
     for (int lane = 0; lane < count; ++lane) {
@@ -117,7 +117,7 @@ void JointSolver::end_early(std::int32_t body, float fraction) {
   s.kept = std::min(s.kept, static_cast<std::int32_t>(fraction * static_cast<float>(s.substep)));
 }
 
-void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
+void JointSolver::end_motion(const BodyStore& bodies, const Rows& rows, const Substep& substep) {
   for (std::size_t t = 0; t < tree_states_.size(); ++t) {
     const TreeState& s = tree_states_[t];
     if (!s.is_active) continue;
@@ -125,14 +125,13 @@ void JointSolver::move_back(const BodyStore& bodies, const Rows& rows, const Sub
     bool stood = false;
     for (const std::int32_t k : joints_of(equations_.trees()[t]))
       stood |= std::exchange(joints_[k].stood, stands);
-    if (s.kept == s.substep) continue;
+    load_velocities(rows, {static_cast<int>(t), static_cast<int>(t) + 1});
     const auto members = bodies_of(equations_.trees()[t]);
     const auto end_of = [&](std::int32_t i) -> const Pose& {
       if (s.kept == 0 || !bodies_[i].is_active) return bodies_[i].start;
       return path_[(s.kept - 1) * bodies_.size() + i];
     };
     double work = 0.0, energy = 0.0;  // of forces on the rest of the way; of the motion
-    load_velocities(rows, {static_cast<int>(t), static_cast<int>(t) + 1});
     for (const std::int32_t i : members) {
       const Body& b = bodies_[i];
       if (!b.is_active) continue;

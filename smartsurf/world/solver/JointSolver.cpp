@@ -160,11 +160,8 @@ void JointSolver::apply(Block& block, const RowVector& impulse) {
   block.impulse += impulse;
   auto change = [](Body& body, const RowVector& wrench) {
     if (!body.is_active) return;
-    const Vec3d velocity = body.inverse_mass * wrench.head<3>();
-    body.velocity += velocity;
-    body.velocity_change += velocity;
+    body.velocity += body.inverse_mass * wrench.head<3>();
     body.momentum += wrench.tail<3>();
-    body.momentum_change += wrench.tail<3>();
     body.angular_velocity = body.inverse_inertia * body.momentum;
   };
   change(bodies_[block.a], block.jacobian_a.transpose() * impulse);
@@ -176,23 +173,36 @@ void JointSolver::load_velocities(const Rows& rows, IndexRange trees) {
     if (!b.is_active) return;
     const BodyVelocity& row = rows.velocity[b.row];
     b.velocity = Vec3(row.velocity).cast<double>();
-    b.momentum = b.start_inertia * Vec3(row.angular_velocity).cast<double>();
+    b.momentum = b.row_frame * (b.start_inertia * Vec3(row.angular_velocity).cast<double>());
     b.angular_velocity = b.inverse_inertia * b.momentum;
-    b.velocity_change = b.momentum_change = Vec3d::Zero();
   });
 }
 
 // The change is added to the start velocity as well, because the next substep repeats only what contacts add
 // to that.
 void JointSolver::store_velocities(const Rows& rows, IndexRange trees) {
-  for_each_body(trees, [&](const Body& b) {
+  for_each_body(trees, [&](Body& b) {
     if (!b.is_active) return;
-    const Vec3d angular = b.start_inverse_inertia * b.momentum_change;
+    b.row_frame = turned_frame(b);
+    const BodyVelocity& row = rows.velocity[b.row];
+    const Vec3 linear = Vec3d(b.velocity - Vec3(row.velocity).cast<double>()).cast<float>(),
+               angular = Vec3d(b.start_inverse_inertia * (b.row_frame.conjugate() * b.momentum) -
+                               Vec3(row.angular_velocity).cast<double>())
+                             .cast<float>();
     for (BodyVelocity* const v : {&rows.velocity[b.row], &rows.start_velocity[b.row]}) {
-      Eigen::Map<Vec3>(v->velocity) += b.velocity_change.cast<float>();
-      Eigen::Map<Vec3>(v->angular_velocity) += angular.cast<float>();
+      Eigen::Map<Vec3>(v->velocity) += linear;
+      Eigen::Map<Vec3>(v->angular_velocity) += angular;
     }
   });
+}
+
+// The least rotation that takes the axis of a slender body from the start of the step to the present pose.
+JointSolver::Quatd JointSolver::turned_frame(const Body& b) {
+  const double slenderness = b.principal.slenderness();
+  if (slenderness == 0.0) return Quatd::Identity();
+  const Vec3d axis(b.principal.least_axis);
+  return Quatd::Identity().slerp(
+      slenderness, scene::rotation_between(b.start.orientation * axis, b.now.orientation * axis));
 }
 
 // ---- the segments of the axes
@@ -323,6 +333,7 @@ void JointSolver::begin_body(Body& b, const BodyStore& bodies, const SpatialPart
   b.is_active = bodies.is_active(i);
   b.is_sphere = bodies.is_sphere[i];
   b.start = b.now = b.next = pose_of(bodies, b.body);
+  b.row_frame.setIdentity();
   b.velocity = b.angular_velocity = b.momentum = Vec3d::Zero();
   b.inverse_mass = 0.0;
   b.inverse_inertia.setZero();
@@ -380,7 +391,7 @@ void JointSolver::set_springs_at_start(const BodyStore& bodies, const Rows& rows
     const Vec3d momentum = b.start_inertia * Vec3(start.angular_velocity).cast<double>();
     return (RowVector() << Vec3(start.velocity).cast<double>() -
                                h * (substep.gravity.cast<double>() + b.inverse_mass * w.force.cast<double>()),
-            b.inverse_inertia * (momentum - h * w.torque.cast<double>()))
+            b.inverse_inertia * (b.row_frame * (momentum - h * w.torque.cast<double>())))
         .finished();
   };
   for (int t = trees.begin; t < trees.end; ++t)
@@ -397,6 +408,13 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
   const auto h_s = static_cast<double>(substep.h_s);
   load_velocities(rows, trees);
   set_springs_at_start(bodies, rows, substep, trees);
+  // Torques do not turn with the bodies.
+  for_each_body(trees, [&](Body& b) {
+    if (!b.is_active) return;
+    const Vec3d torque = bodies.wrench[b.body].torque.cast<double>();
+    b.momentum += h_s * (torque - b.row_frame * torque);
+    b.angular_velocity = b.inverse_inertia * b.momentum;
+  });
   for (TreeState& s : states_of(trees)) {
     s.time_left_s = s.h_s = h_s;
     s.is_unfinished = s.is_active;

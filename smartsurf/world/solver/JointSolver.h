@@ -91,8 +91,9 @@ class JointSolver {
   void end_early(std::int32_t body, float fraction);
   // Moves such trees back to the end of the last substep before that, where their joints hold. They keep
   // their speeds, turned back with the bodies, less what gravity and forces would have done on the rest of
-  // the way: a chain that stops again and again would gain that energy each time.
-  void move_back(const BodyStore&, const Rows&, const Substep&);
+  // the way: a chain that stops again and again would gain that energy each time. Leaves the momentum in the
+  // rows of all trees as it is, not turned.
+  void end_motion(const BodyStore&, const Rows&, const Substep&);
   // Appends, after the step, the active bodies of joints that contacts hold off their constraints by
   // `min_depth`, u, or more, with that distance. Allocates while the list grows.
   void find_strained(const BodyStore&, float min_depth, std::vector<JammedBody>&) const;
@@ -138,21 +139,18 @@ class JointSolver {
     double inverse_mass = 0.0;
     Pose start, now, next;  // at the start of the step, at present, and where the substep leads
     Vec3d velocity{0, 0, 0}, angular_velocity{0, 0, 0};
-    // Solver rows hold the angular momentum as a velocity, with the inertia at the start of the step.
+    // Solver rows hold the angular momentum as a velocity of the body as it lay at the start of the step, as
+    // which contacts see it. That of a slender body is turned back there, by row_frame: momentum across its
+    // axis would be a spin about the axis there, with an energy as many times greater as the moment is less.
     Eigen::Matrix3d start_inertia, start_inverse_inertia, inverse_inertia, next_inverse_inertia;
+    Quatd row_frame{1, 0, 0, 0};
     PrincipalInertia principal;
-    Vec3d momentum{0, 0, 0};                                   // angular
-    Vec3d velocity_change{0, 0, 0}, momentum_change{0, 0, 0};  // by the joints, in this stage
-    // The last four, as they were at the beginning of the part.
-    Vec3d kept_velocity, kept_momentum, kept_velocity_change, kept_momentum_change;
+    Vec3d momentum{0, 0, 0};             // angular
+    Vec3d kept_velocity, kept_momentum;  // as they were at the beginning of the part
 
-    void keep() {
-      kept_velocity = velocity, kept_momentum = momentum;
-      kept_velocity_change = velocity_change, kept_momentum_change = momentum_change;
-    }
+    void keep() { kept_velocity = velocity, kept_momentum = momentum; }
     void restore() {
       velocity = kept_velocity, momentum = kept_momentum;
-      velocity_change = kept_velocity_change, momentum_change = kept_momentum_change;
       angular_velocity = inverse_inertia * momentum;
     }
   };
@@ -213,6 +211,7 @@ class JointSolver {
   void update_links(BodyStore&);
   void index_bodies(const BodyStore&);
   void begin_body(Body&, const BodyStore&, const SpatialPartition&);
+  static Quatd turned_frame(const Body&);
   void load_velocities(const Rows&, IndexRange trees);
   void store_velocities(const Rows&, IndexRange trees);
   static RowVector rigid_error(const Joint& j, const Pose& a, const Pose& b) {

@@ -84,10 +84,10 @@ class Solver {
     Eigen::Map<Vec3>(velocity_[row].velocity) = velocity;
     Eigen::Map<Vec3>(velocity_[row].angular_velocity) = angular_velocity;
   }
-  // Ends the motion of trees of joints earlier; see JointSolver::end_early().
-  void move_back(JointSolver& joints, const BodyStore& bodies) {
+  // See JointSolver::end_motion().
+  void end_motion(JointSolver& joints, const BodyStore& bodies) {
     const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
-    joints.move_back(bodies, joint_rows(), {h_s, settings_.gravity});
+    joints.end_motion(bodies, joint_rows(), {h_s, settings_.gravity});
   }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;

@@ -261,13 +261,18 @@ void Solver::fill_lanes(ContactKind kind, ContactBatch& o, const LaneProperties&
             d.anchor_b[i]);
     }
   }
-  if (of_pairs) {
-    for (auto& velocity : d.surface_velocity) put(Float4{}, velocity);
-  } else {
-    const FourRows surface = rows(kSurfaceRow);
-    put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
-    put(surface.z, d.surface_velocity[2]), put(surface.w, d.surface_spin);
+  const FourRows surface = rows(kSurfaceRow);
+  put(surface.x, d.surface_velocity[0]), put(surface.y, d.surface_velocity[1]);
+  put(surface.z, d.surface_velocity[2]);
+  if (!of_pairs) {
+    put(surface.w, d.surface_spin);
     o.has_surface_spin |= any_of(surface.w != 0.0F);
+  }
+  for (int i = 0; i < 3 && !of_spheres; ++i) {
+    const Float4 acceleration{four[0]->surface_acceleration[i], four[1]->surface_acceleration[i],
+                              four[2]->surface_acceleration[i], four[3]->surface_acceleration[i]};
+    put(acceleration, d.surface_acceleration[i]);
+    o.has_moving_points |= any_of(acceleration != 0.0F);
   }
   if (o.has_rolling_friction) {
     const FourRows rolling = rows(kRollingRow);

@@ -26,8 +26,8 @@ struct Point {
 bool solve_impulses(std::span<Point> bearing, double mass, const InverseInertia& w, bool all_bear) {
   using support::Matrix3, support::Vector3;
   const double xx = w.xx, xy = w.xy, yy = w.yy, inverse_determinant = 1.0 / (xx * yy - xy * xy);
-  constexpr int kMaxPasses = 6;
-  for (int pass = 0; pass < kMaxPasses; ++pass) {
+  constexpr int kActiveSetPasses = 6;
+  for (int pass = 0; pass < kActiveSetPasses; ++pass) {
     double s = mass, sx = 0.0, sy = 0.0, sxx = xx * inverse_determinant, sxy = xy * inverse_determinant,
            syy = yy * inverse_determinant;
     double error = 0.0, error_x = 0.0, error_y = 0.0;

@@ -48,6 +48,8 @@ class Mistakes(ProgramTest):
             ("'n', 20, 'balls', {1, 100}", "0.5", "must be a whole number, 1 to 100 (default 20)"),
             ("'n', 20, 'balls', {1, 100}", "9223372036854775807", "must be a whole number, 1 to 100"),
             ("'n', 1.5, 's', {0.5, 1e3}", "-1", "option 'n': --set n=-1: must be 0.5 to 1000 (default 1.5)"),
+            ("'n', 1.5, 's', {0.5, 1e3}", "nan", "option 'n': --set n=nan: must be a number (default 1.5)"),
+            ("'n', 1.5, 's', {0.5, 1e3}", "no such", "option 'n': --set n=no such: must be a number (default 1.5)"),
             ("'n', 'a', 'kind', {'a', 'b'}", "c", "option 'n': --set n=c: must be one of a, b (default 'a')"),
             ("'n', 20, 'balls', {30, 100}", "", "option 'n': default = 20: must be a whole number, 30 to 100"),
             ("'n', 20, 'balls', {100, 1}", "", "option 'n': range: low = 100 is above high = 1"),
@@ -71,12 +73,12 @@ class Mistakes(ProgramTest):
         for script in sorted((ROOT / "scripts").rglob("*.lua")):
             _, listed, _ = self.run_program(SMARTSURF, "run", str(script), "--help")
             for name in re.findall(r"^  (\w+) = ", listed.partition("\nOptions of ")[2], re.MULTILINE):
-                for value in ("-1e18", "1e18", "nan", "no such"):
+                for value in ("-1e18", "1e18"):  # of a range of its own; of what is no number, test_options_out_of_their_range
                     if name == "known" or (name, value) == ("seed", "1e18"):  # a file; a seed like any other
                         continue
                     count += 1
                     self.refused([SMARTSURF, "check", str(script), "--set", f"{name}={value}"], ".lua:")
-        self.assertGreater(count, 250)
+        self.assertGreater(count, 125)
 
     def test_failing_script_keeps_recording(self):
         path = self.write("late.lua", TABLE + "at(0.5, function()\n  local x = nil + 1\nend)\n")

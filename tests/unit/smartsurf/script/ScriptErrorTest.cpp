@@ -392,6 +392,13 @@ TEST_F(ErrorTest, RunTimeErrors) {
       "t.lua:2: push: a value without a field name; known: force, point, seconds");
   EXPECT_EQ(run_error_of("local o = object(sphere{radius = 1, position = {0, 0, 9}}) o:teleport{}"),
             "t.lua:2: teleport: needs position, orientation, velocity or angular_velocity");
+  const std::string fixed = "local o = object(sphere{radius = 1, position = {0, 0, 9}, fixed = true}) ";
+  for (const std::string field : {"velocity", "angular_velocity"})
+    EXPECT_EQ(run_error_of(fixed + "o:teleport{" + field + " = {0, 0, 1}}"),
+              "t.lua:2: teleport." + field +
+                  ": a fixed object stands still: must be {0, 0, 0}; its position can be set");
+  EXPECT_EQ(run_error_of(fixed + "o:teleport{position = {1, 1, 9}, velocity = {0, 0, 0}} error('done')"),
+            "t.lua:2: done");
   EXPECT_EQ(run_error_of("cells:target('heigth', 1, 1, 2)"),
             "t.lua:2: cells:target: no channel 'heigth' (did you mean 'height'?)");
   EXPECT_EQ(run_error_of("cells:target('height', 0, 1, 2)"),

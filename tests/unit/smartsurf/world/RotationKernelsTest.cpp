@@ -48,12 +48,11 @@ struct Bodies {
       }
       put(l, body[l]);
       turns.is_axisymmetric[l] = l % 2 == 1 ? 1.0 : 0.0;
-      turns.is_jointed[l] = 0.0;
     }
   }
   void put(int l, const Body& b) {
     for (int k = 0; k < 4; ++k) turns.orientation[k][l] = b.orientation.coeffs()[k];
-    turns.free_time[l] = kStep;
+    turns.free_time[l] = kStep, turns.slenderness[l] = 0.0;
     const Vec3 momentum = b.momentum(b.spin);
     for (int k = 0; k < 3; ++k) {
       turns.least_axis[k][l] = b.principal_axes(k, 0), turns.greatest_axis[k][l] = b.principal_axes(k, 2);
@@ -204,7 +203,6 @@ TEST(RotationKernels, BitIdenticalInAnyLaneAndOnEveryTarget) {
   for (int l = 0; l < kLanes; ++l) {
     shifted.put(l, first.body[(l + 2) % kLanes]);
     shifted.turns.is_axisymmetric[l] = (l + 2) % 2 == 1 ? 1.0 : 0.0;
-    shifted.turns.is_jointed[l] = 0.0;
   }
   integrate_rotation(shifted.turns);
   for (int l = 0; l < kLanes; ++l) EXPECT_EQ(shifted.spin(l), first.spin((l + 2) % kLanes)) << l;
