@@ -88,7 +88,7 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics32");
-  EXPECT_EQ(hash_after(3.0), 0xbddf7e99972065caU);
-  EXPECT_EQ(hash_of_crowd(1), 0x8733810117e8ea34U);
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics33");
+  EXPECT_EQ(hash_after(3.0), 0xd229f154f933df97U);
+  EXPECT_EQ(hash_of_crowd(1), 0x6f939b3849ce0708U);
 }

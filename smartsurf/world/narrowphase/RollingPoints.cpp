@@ -47,7 +47,14 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   if (2.0F * shape.radius * steepness < kStandingHeight) return {};
   if (from_axis > kTip * shape.radius && across.dot(from_origin) > -kLowest * steepness * from_axis)
     return {};
-  const bool faces_end = shape.kind == scene::ShapeKind::kCone ? normal_along > 0.0F : steepness < kEndSine;
+  const bool is_cone = shape.kind == scene::ShapeKind::kCone;
+  // A cone that stands on its tip turns about it.
+  constexpr float kOnSide = 0.98F;
+  const float length = shape.high - shape.low;
+  if (is_cone && from_axis <= kTip * shape.radius &&
+      steepness * std::hypot(length, shape.radius) < kOnSide * length)
+    return {};
+  const bool faces_end = is_cone ? normal_along > 0.0F : steepness < kEndSine;
   if (faces_end && from_axis < kRim * shape.radius) return {};
   constexpr float kMinRadius = 1e-4F;  // of a cone, near its tip
   return {steepness / std::max(kMinRadius, from_axis), generatrix};

@@ -40,8 +40,14 @@ constexpr double kHolding = 0.5;
 constexpr double kMaxLeverage = 8.0;
 
 // Flags of a set of rows that contacts connect: the direct solver has it; it does if it is a chain; the
-// sweeps have it.
-constexpr std::uint8_t kHeavy = 1, kFresh = 2, kExcluded = 4;
+// sweeps have it; it is heavy if it has at least kMinSinkingBodies, as a load presses springs deep.
+constexpr std::uint8_t kHeavy = 1, kFresh = 2, kExcluded = 4, kSinking = 8;
+// Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
+// kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
+constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
+constexpr int kMinSinkingBodies = 8;
+// A load off the middle is that of bodies at rest on each other: of sliding ones friction moves it there.
+constexpr float kMaxRestSpeed_ups = 0.1F;
 // A body rests on a narrow base if the lesser variance of its points is below this share of its squared
 // radius: the sweeps stop its tilt in about as many sweeps as its moment of inertia exceeds that of its base.
 constexpr float kNarrow = 0.01F;
@@ -149,12 +155,12 @@ void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) 
   if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
   parent_.resize(row_count);
   flags_.resize(parent_.size()), is_borne_.resize(parent_.size());
-  for (MemberData& m : members_) m.heavy_rows.clear(), m.fresh_rows.clear();
+  for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear();
   islands_.clear();
 }
 
 void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKind kind,
-                                         const Member& member) {
+                                         const SubstepParams& params, const Member& member) {
   const ContactBatch& o = step.graph.batch(batch);
   const BatchPoints& points = step.points;
   const BodyVelocity* const velocity = step.velocity;
@@ -171,8 +177,12 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
     const float lighter = std::max(a, b), heavier = std::min(a, b);
     const bool of_unequal = heavier > 0.0F && lighter > kHeavyRatio * heavier;
-    // The speed that the load gives to its bearer in a substep.
+    // The speed that the load gives to its bearer in a substep. The springs of spheres are never stiffened.
     const float loading = load[lane] * lighter;
+    const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
+                             (params.mass_scale * params.bias_rate);
+    // Deflection relative to that of the direct solver.
+    const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
     const float up = -weight.dot(load_lane(points.point[o.first_point].normal, lane));  // from b to a
     const std::int32_t upper = upper_row(o, kind, lane, up);
     const bool lies = weight_impulse > 0.0F && std::abs(up) >= kLeastRise * weight_impulse;
@@ -183,25 +193,31 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     // presses only with its own weight and what it bears itself.
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const float heavy_load = is_narrow                               ? kLeastLoad
-                             : bases.eccentricity[lane] > kEccentric ? kOffCentreLoad
-                                                                     : kHeavyLoad;
-    const bool is_heavy = may_bear || loading > heavy_load * weight_impulse;
-    if (!is_heavy && !is_fresh) continue;
+    const Vec3 slip = Vec3(velocity[o.a[lane]].velocity) -
+                      (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity) : Vec3(Vec3::Zero()));
+    const bool is_off_centre =
+        bases.eccentricity[lane] > kEccentric && slip.squaredNorm() < kMaxRestSpeed_ups * kMaxRestSpeed_ups;
+    const float heavy_load = is_narrow ? kLeastLoad : is_off_centre ? kOffCentreLoad : kHeavyLoad;
+    const bool is_heavy = may_bear || loading > heavy_load * weight_impulse || excess > kDeepAlone;
+    const bool is_sinking = excess > kDeepTogether;
+    if (!is_heavy && !is_fresh && !is_sinking) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     MemberData& own = members_[member.index];
     if (is_heavy)
       own.heavy_rows.push_back(bearer);
+    else if (is_sinking)
+      own.sinking_rows.push_back(bearer);
     else
       own.fresh_rows.push_back({upper, is_narrow ? kHeavy : kFresh});
   }
 }
 
 bool HeavyIslandSolver::any_heavy_lane() const {
-  return std::ranges::any_of(
-      members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.fresh_rows.empty(); });
+  return std::ranges::any_of(members_, [](const MemberData& m) {
+    return !m.heavy_rows.empty() || !m.sinking_rows.empty() || !m.fresh_rows.empty();
+  });
 }
 
 // ---- sets of rows, which all members unite at once
@@ -286,6 +302,8 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   const MemberData& own = members_[member.index];
   for (const std::int32_t row : own.heavy_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
+  for (const std::int32_t row : own.sinking_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
   for (const auto& [row, flag] : own.fresh_rows)
     if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
   for (const auto& [batch, lane, kind] : own.lanes)
@@ -304,6 +322,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   const auto any_direct = [&](const MemberData& m) {
     const auto is_row_direct = [&](std::int32_t row) { return is_direct(find_root(row)); };
     return std::ranges::any_of(m.heavy_rows, is_row_direct) ||
+           std::ranges::any_of(m.sinking_rows, is_row_direct) ||
            std::ranges::any_of(m.fresh_rows, is_row_direct, &Fresh::row);
   };
   if (std::ranges::none_of(members_, any_direct)) return;
@@ -319,7 +338,9 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     if (!is_direct(root)) continue;
     if (root == row) {
       island_of_row_[row] = static_cast<std::int32_t>(islands_.size());
-      islands_.push_back({.is_heavy = (flags_[root] & kHeavy) != 0});
+      islands_.push_back({.min_bodies = (flags_[root] & kHeavy) != 0   ? 1
+                                        : (flags_[root] & kFresh) != 0 ? kMinChain
+                                                                       : kMinSinkingBodies});
     }
     island_of_row_[row] = island_of_row_[root];
     body_of_row_[row] = islands_[island_of_row_[row]].body_count++;
@@ -328,7 +349,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   for (Island& island : islands_) {
     island.first_body = bodies_so_far;
     if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll ||
-        (!island.is_heavy && island.body_count < kMinChain))
+        island.body_count < island.min_bodies)
       island.body_count = 0;
     bodies_so_far += island.body_count;
   }

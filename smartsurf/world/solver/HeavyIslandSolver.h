@@ -44,7 +44,7 @@ class HeavyIslandSolver {
   };
   // Notes the lanes of a prepared batch in which a body bears a heavy load, touches a body that much heavier,
   // lies on a narrow base, or meets what it lies on. Called by the member that prepares the batch.
-  void find_heavy_lanes(const Step&, int batch, ContactKind, const Member&);
+  void find_heavy_lanes(const Step&, int batch, ContactKind, const SubstepParams&, const Member&);
   bool any_heavy_lane() const;
   // Builds the islands of the noted lanes. Called by all members after they have prepared their batches.
   void build(const Step&, IndexRange own_rows, const Member&);
@@ -73,7 +73,7 @@ class HeavyIslandSolver {
     std::uint8_t flag;
   };
   struct alignas(128) MemberData {
-    std::vector<std::int32_t> heavy_rows;
+    std::vector<std::int32_t> heavy_rows, sinking_rows;
     std::vector<Fresh> fresh_rows;
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
@@ -123,7 +123,7 @@ class HeavyIslandSolver {
     double limit_share(double load) const;
   };
   struct Island {
-    bool is_heavy;  // not only fresh
+    int min_bodies;  // smaller ones are left to the sweeps
     std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
                  patch_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep

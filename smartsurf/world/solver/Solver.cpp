@@ -141,7 +141,9 @@ void Solver::prepare_step(StepContext& context, const Member& member) {
   for_each_own_batch(context, member, [&](ContactKind kind, int batch) {
     prepare_batch(context, kind, batch);
     if (context.may_impact(kind)) find_impact_candidates(context, kind, batch, member);
-    if (!context.all_spheres) heavy_islands_.find_heavy_lanes(heavy_step, batch, kind, member);
+    if (!context.all_spheres)
+      heavy_islands_.find_heavy_lanes(heavy_step, batch, kind,
+                                      is_pair(kind) ? context.pair_params : context.static_params, member);
   });
   member.arrive_and_wait();
   if (member.member_count > 1) {
