@@ -40,14 +40,16 @@ constexpr double kHolding = 0.5;
 constexpr double kMaxLeverage = 8.0;
 
 // Flags of a set of rows that contacts connect: the direct solver has it; it does if it is a chain; the
-// sweeps have it; it is heavy if it has at least kMinSinkingBodies, as a load presses springs deep.
-constexpr std::uint8_t kHeavy = 1, kFresh = 2, kExcluded = 4, kSinking = 8;
+// sweeps have it; the direct solver has it if it has kMinSinkingBodies, as a load presses springs deep;
+// bodies begin to slide on each other in it, and it is no chain.
+constexpr std::uint8_t kHeavy = 1, kFresh = 2, kExcluded = 4, kSinking = 8, kSliding = 16;
 // Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
 // kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kMinSinkingBodies = 8;
-// A load off the middle is that of bodies at rest on each other: of sliding ones friction moves it there.
-constexpr float kMaxRestSpeed_ups = 0.1F;
+// Bodies that slide on each other faster than this are left to the sweeps, unless the load is heavy: friction
+// moves their load off the middle.
+constexpr float kMaxSlip_ups = 0.05F;
 // A body rests on a narrow base if the lesser variance of its points is below this share of its squared
 // radius: the sweeps stop its tilt in about as many sweeps as its moment of inertia exceeds that of its base.
 constexpr float kNarrow = 0.01F;
@@ -155,7 +157,8 @@ void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) 
   if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
   parent_.resize(row_count);
   flags_.resize(parent_.size()), is_borne_.resize(parent_.size());
-  for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear();
+  for (MemberData& m : members_)
+    m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear(), m.sliding_rows.clear();
   islands_.clear();
 }
 
@@ -183,20 +186,22 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
                              (params.mass_scale * params.bias_rate);
     // Deflection relative to that of the direct solver.
     const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
-    const float up = -weight.dot(load_lane(points.point[o.first_point].normal, lane));  // from b to a
+    const Vec3 normal = load_lane(points.point[o.first_point].normal, lane);  // from b to a
+    const float up = -weight.dot(normal);
     const std::int32_t upper = upper_row(o, kind, lane, up);
     const bool lies = weight_impulse > 0.0F && std::abs(up) >= kLeastRise * weight_impulse;
     const float radius = step.bodies.bounding_radius[step.partition.body(upper)];
     const bool is_narrow = lies && bases.width[lane] < kNarrow * radius * radius;
-    const bool is_fresh = lies && load[lane] == 0.0F && !is_sphere_kind(kind);
+    const Vec3 speed = Vec3(velocity[o.a[lane]].velocity) -
+                       (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity) : Vec3(Vec3::Zero()));
+    const bool slides = speed.cross(normal).squaredNorm() > kMaxSlip_ups * kMaxSlip_ups;
+    const bool meets = lies && load[lane] == 0.0F && !is_sphere_kind(kind), is_fresh = meets && !slides;
+    if (meets && slides) members_[member.index].sliding_rows.push_back(upper);
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const Vec3 slip = Vec3(velocity[o.a[lane]].velocity) -
-                      (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity) : Vec3(Vec3::Zero()));
-    const bool is_off_centre =
-        bases.eccentricity[lane] > kEccentric && slip.squaredNorm() < kMaxRestSpeed_ups * kMaxRestSpeed_ups;
+    const bool is_off_centre = !slides && bases.eccentricity[lane] > kEccentric;
     const float heavy_load = is_narrow ? kLeastLoad : is_off_centre ? kOffCentreLoad : kHeavyLoad;
     const bool is_heavy = may_bear || loading > heavy_load * weight_impulse || excess > kDeepAlone;
     const bool is_sinking = excess > kDeepTogether;
@@ -304,6 +309,8 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
   for (const std::int32_t row : own.sinking_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
+  for (const std::int32_t row : own.sliding_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSliding);
   for (const auto& [row, flag] : own.fresh_rows)
     if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
   for (const auto& [batch, lane, kind] : own.lanes)
@@ -338,9 +345,12 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     if (!is_direct(root)) continue;
     if (root == row) {
       island_of_row_[row] = static_cast<std::int32_t>(islands_.size());
-      islands_.push_back({.min_bodies = (flags_[root] & kHeavy) != 0   ? 1
-                                        : (flags_[root] & kFresh) != 0 ? kMinChain
-                                                                       : kMinSinkingBodies});
+      const std::uint8_t flags = flags_[root];
+      const bool is_chain = (flags & (kFresh | kSliding)) == kFresh;
+      islands_.push_back({.min_bodies = (flags & kHeavy) != 0     ? 1
+                                        : is_chain                ? kMinChain
+                                        : (flags & kSinking) != 0 ? kMinSinkingBodies
+                                                                  : kMaxBodies + 1});
     }
     island_of_row_[row] = island_of_row_[root];
     body_of_row_[row] = islands_[island_of_row_[row]].body_count++;

@@ -73,7 +73,7 @@ class HeavyIslandSolver {
     std::uint8_t flag;
   };
   struct alignas(128) MemberData {
-    std::vector<std::int32_t> heavy_rows, sinking_rows;
+    std::vector<std::int32_t> heavy_rows, sinking_rows, sliding_rows;
     std::vector<Fresh> fresh_rows;
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
