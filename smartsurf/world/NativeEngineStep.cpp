@@ -449,8 +449,9 @@ void NativeEngine::keep_strained_awake() {
 
 void NativeEngine::put_to_sleep() {
   keep_strained_awake();
-  sleep_.update_sleeping_set(bodies_, active_bodies_, pair_contacts_, static_contacts_, collision_.supports(),
-                             [this] { find_loads(); });
+  sleep_.update_sleeping_set(
+      bodies_, active_bodies_, pair_contacts_, static_contacts_, collision_.supports(),
+      [this] { find_loads(); }, solver_->direct_islands());
 }
 
 void NativeEngine::advance_skin() {

@@ -250,7 +250,8 @@ void Sleep::reset_timers_on_patches(BodyStore& b, const SupportPatches& supports
 void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& active_bodies,
                                 const ContactList& pair_contacts, const ContactList& static_contacts,
                                 std::span<const SupportPatches> supports,
-                                const std::function<void()>& find_loads) {
+                                const std::function<void()>& find_loads,
+                                std::span<const IslandBody> direct_islands) {
   wake_where_placed(b, pair_contacts);
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(),
                                      [&b](std::int32_t i) { return b.sleep_timer_s[i] >= kTimeToSleep_s; });
@@ -283,7 +284,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
     if (link.b >= 0) is_supported[link.b] = 1;
   }
   keep_pushed_awake(b, active_bodies, pair_contacts);
-  keep_awake_with_others(b, pair_contacts);
+  keep_awake_with_others(b, pair_contacts, direct_islands);
   fallen_.clear();
   for (const std::int32_t i : active_bodies) {
     if (b.sleep_timer_s[i] >= kTimeToSleep_s && !has_active_neighbour_[i] && is_supported[i])
@@ -339,8 +340,10 @@ void Sleep::keep_pushed_awake(BodyStore& b, const std::vector<std::int32_t>& act
 }
 
 // Bodies that lie on one that cannot sleep yet, at whatever height, stay awake as well: a sleeper bears
-// itself, and would take its weight off those below. So do bodies that joints connect with it.
-void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_contacts) {
+// itself, and would take its weight off those below. So do bodies that joints connect with it, and those of
+// its island that the direct solver has.
+void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_contacts,
+                                   std::span<const IslandBody> direct_islands) {
   const auto stays_awake = [&](std::size_t i) {
     return b.is_active(i) && (has_active_neighbour_[i] || b.sleep_timer_s[i] < kTimeToSleep_s);
   };
@@ -359,6 +362,15 @@ void Sleep::keep_awake_with_others(const BodyStore& b, const ContactList& pair_c
       if (!b.is_active(other)) continue;
       has_active_neighbour_[other] = 1;
       changed = true;
+    }
+    for (auto begin = direct_islands.begin(), end = begin; begin != direct_islands.end(); begin = end) {
+      end = std::find_if(begin, direct_islands.end(),
+                         [&](const IslandBody& i) { return i.island != begin->island; });
+      if (std::none_of(begin, end, [&](const IslandBody& i) { return stays_awake(i.body); })) continue;
+      for (const IslandBody& i : std::span(begin, end)) {
+        changed |= !stays_awake(i.body);
+        has_active_neighbour_[i.body] = 1;
+      }
     }
   }
 }

@@ -75,11 +75,12 @@ class Sleep {
   // Nor those that swing on elastic tops.
   void reset_timers_on_patches(BodyStore&, const SupportPatches&) const;
   // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body. Calls
-  // find_loads() before it reads those of support patches.
+  // find_loads() before it reads those of support patches. Islands of the direct solver sleep whole: what
+  // remains awake of one would be left to the sweeps.
   void update_sleeping_set(
       BodyStore&, const std::vector<std::int32_t>& active_bodies, const ContactList& pair_contacts,
       const ContactList& static_contacts, std::span<const SupportPatches> = {},
-      const std::function<void()>& find_loads = [] {});
+      const std::function<void()>& find_loads = [] {}, std::span<const IslandBody> direct_islands = {});
   void on_body_removed(std::int32_t body);
 
   void archive(common::StateArchive& a) {
@@ -104,7 +105,8 @@ class Sleep {
   void wake_where_placed(BodyStore&, const ContactList& pair_contacts);
   void keep_pushed_awake(BodyStore&, const std::vector<std::int32_t>& active_bodies,
                          const ContactList& pair_contacts);
-  void keep_awake_with_others(const BodyStore&, const ContactList& pair_contacts);
+  void keep_awake_with_others(const BodyStore&, const ContactList& pair_contacts,
+                              std::span<const IslandBody> direct_islands);
   void put_to_sleep(BodyStore&, std::size_t body);
   CellRect cells_near(const BodyStore&, std::size_t body) const;
   bool cell_moves(Index cell) const;

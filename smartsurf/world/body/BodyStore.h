@@ -56,6 +56,11 @@ struct BodyLink {
   bool collide;       // whether they collide as well
 };
 
+// A body of an island that is solved at once.
+struct IslandBody {
+  std::int32_t island, body;
+};
+
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass, u

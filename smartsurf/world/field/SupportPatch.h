@@ -93,6 +93,7 @@ struct SupportPatch {
   // True if `friction_sum` alone is valid, not the friction of the samples: the cells are one belt, on which
   // none of them slips.
   bool is_lumped = false;
+  bool may_lump() const { return is_one_belt && !has_shares && !is_elastic; }
   int current = 0;  // the valid copy of SupportSamples::friction
 
   // ---- of the solver

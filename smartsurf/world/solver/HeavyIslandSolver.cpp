@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -24,17 +25,34 @@ constexpr int kMaxPasses = 12;
 // A contact with a load below this many weights of the lighter body carries that body alone: the load of a
 // body at rest is below, that of a body that bears another one above.
 constexpr float kOwnWeight = 3.0F;
+// A narrow base with a load below this many weights does not bear the body alone.
+constexpr float kLeastLoad = 0.5F;
+// A load is off the middle of its base from half of the way to an edge on.
+constexpr float kEccentric = 0.25F;
+// A body that lies on another one has a normal with at least this component along the vertical.
+constexpr float kLeastRise = 0.5F;
+// Bodies without loads as yet, of which so many are connected, may become a chain that bears a heavy one.
+constexpr int kMinChain = 2;
+// A patch of which samples slip sticks as a whole while its friction is below this share of its limit.
+constexpr double kHolding = 0.5;
 // A contact whose load exceeds the sum of its island's weights, forces and momentum by this factor is wedged:
 // its load is an internal stress.
 constexpr double kMaxLeverage = 8.0;
 
-// Flags of a set of rows that contacts connect: a body in it bears a heavy load; a load presses springs deep;
-// the sweeps solve it.
-constexpr std::uint8_t kHeavy = 1, kSinking = 2, kExcluded = 4;
+// Flags of a set of rows that contacts connect: the direct solver has it; it does if it is a chain; the
+// sweeps have it; the direct solver has it if it has kMinSinkingBodies, as a load presses springs deep;
+// bodies begin to slide on each other in it, and it is no chain.
+constexpr std::uint8_t kHeavy = 1, kFresh = 2, kExcluded = 4, kSinking = 8, kSliding = 16;
 // Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
 // kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kMinSinkingBodies = 8;
+// Bodies that slide on each other faster than this are left to the sweeps, unless the load is heavy: friction
+// moves their load off the middle.
+constexpr float kMaxSlip_ups = 0.05F;
+// A body rests on a narrow base if the lesser variance of its points is below this share of its squared
+// radius: the sweeps stop its tilt in about as many sweeps as its moment of inertia exceeds that of its base.
+constexpr float kNarrow = 0.01F;
 
 // Without branches, so that a loop over the lanes becomes vector code.
 bool bears_or_touches(const BatchPoint& p, int lane) {
@@ -51,6 +69,57 @@ std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points
   unsigned mask = 0;
   for (unsigned i = 0; i < kLanes; ++i) mask |= static_cast<unsigned>(bears[i]) << i;
   return static_cast<std::uint8_t>(mask);
+}
+
+// What the points of each lane that bear or touch are as a base.
+struct Bases {
+  // The lesser variance of the points in their plane, to a factor of two; infinite for fewer than three,
+  // which are no base.
+  float width[kLanes];
+  // How far the load is off the middle: its squared offset over the variance of the points in that direction.
+  float eccentricity[kLanes];
+};
+
+// Vector code as well.
+Bases find_bases(const ContactBatch& o, const BatchPoints& points) {
+  Bases bases;
+  std::fill_n(bases.width, kLanes, std::numeric_limits<float>::infinity());
+  std::fill_n(bases.eccentricity, kLanes, 0.0F);
+  if (o.point_count < 3) return bases;
+  float count[kLanes] = {}, mean[3][kLanes] = {}, square[6][kLanes] = {}, load[kLanes] = {},
+        moment[3][kLanes] = {};
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    const auto& r = points.detail[k].anchor_a;
+    for (int i = 0; i < kLanes; ++i) {
+      const float weight = bears_or_touches(points.point[k], i) ? 1.0F : 0.0F;
+      const float x = weight * r[0][i], y = weight * r[1][i], z = weight * r[2][i];
+      count[i] += weight, mean[0][i] += x, mean[1][i] += y, mean[2][i] += z;
+      square[0][i] += x * x, square[1][i] += y * y, square[2][i] += z * z;
+      square[3][i] += x * y, square[4][i] += y * z, square[5][i] += z * x;
+      const float impulse = points.point[k].normal_impulse[i];
+      load[i] += impulse;
+      for (int axis = 0; axis < 3; ++axis) moment[axis][i] += impulse * r[axis][i];
+    }
+  }
+  for (int i = 0; i < kLanes; ++i) {
+    if (count[i] < 3.0F) continue;
+    const float n = 1.0F / count[i], x = n * mean[0][i], y = n * mean[1][i], z = n * mean[2][i];
+    const float xx = n * square[0][i] - x * x, yy = n * square[1][i] - y * y, zz = n * square[2][i] - z * z;
+    const float xy = n * square[3][i] - x * y, yz = n * square[4][i] - y * z, zx = n * square[5][i] - z * x;
+    const float trace = xx + yy + zz, minors = xx * yy - xy * xy + yy * zz - yz * yz + zz * xx - zx * zx;
+    bases.width[i] = std::max(minors, 0.0F) / std::max(trace, 1e-20F);
+    if (!(load[i] > 0.0F)) continue;
+    const float m = 1.0F / load[i], u = m * moment[0][i] - x, v = m * moment[1][i] - y,
+                w = m * moment[2][i] - z, squared = u * u + v * v + w * w;
+    const float along = u * u * xx + v * v * yy + w * w * zz + 2.0F * (u * v * xy + v * w * yz + w * u * zx);
+    bases.eccentricity[i] = squared * squared / std::max(along, 1e-20F);
+  }
+  return bases;
+}
+
+// `up`: the rise of the normal, from b to a.
+std::int32_t upper_row(const ContactBatch& o, ContactKind kind, int lane, float up) {
+  return up >= 0.0F || !is_pair(kind) ? o.a[lane] : o.b[lane];
 }
 
 Vector3 to_double(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
@@ -83,11 +152,13 @@ bool is_fast(const BodyVelocity& v) {
 }  // namespace
 
 void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) {
+  bodies_.clear();
   members_.resize(member_count);
   if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
   parent_.resize(row_count);
-  flags_.resize(parent_.size());
-  for (MemberData& m : members_) m.heavy_rows.clear(), m.sinking_rows.clear();
+  flags_.resize(parent_.size()), is_borne_.resize(parent_.size());
+  for (MemberData& m : members_)
+    m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear(), m.sliding_rows.clear();
   islands_.clear();
 }
 
@@ -102,40 +173,56 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
   float load[kLanes] = {};
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
     for (int lane = 0; lane < kLanes; ++lane) load[lane] += points.point[k].normal_impulse[lane];
+  const Bases bases = find_bases(o, points);
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if ((bears >> static_cast<unsigned>(lane) & 1U) == 0) continue;
     const float a = velocity[o.a[lane]].inverse_mass,
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
     const float lighter = std::max(a, b), heavier = std::min(a, b);
-    const bool of_unequal = heavier > 0.0F && lighter > kHeavyLoad * heavier;
+    const bool of_unequal = heavier > 0.0F && lighter > kHeavyRatio * heavier;
     // The speed that the load gives to its bearer in a substep. The springs of spheres are never stiffened.
     const float loading = load[lane] * lighter;
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
                              (params.mass_scale * params.bias_rate);
     // Deflection relative to that of the direct solver.
     const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
-    const bool is_loaded = loading > kHeavyLoad * weight_impulse;
-    if (!is_loaded && !of_unequal && excess <= kDeepTogether) continue;
-    // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
-    // presses only with its own weight and what it bears itself.
     const Vec3 normal = load_lane(points.point[o.first_point].normal, lane);  // from b to a
     const float up = -weight.dot(normal);
+    const std::int32_t upper = upper_row(o, kind, lane, up);
+    const bool lies = weight_impulse > 0.0F && std::abs(up) >= kLeastRise * weight_impulse;
+    const float radius = step.bodies.bounding_radius[step.partition.body(upper)];
+    const bool is_narrow = lies && bases.width[lane] < kNarrow * radius * radius;
+    const Vec3 speed = Vec3(velocity[o.a[lane]].velocity) -
+                       (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity) : Vec3(Vec3::Zero()));
+    const bool slides = speed.cross(normal).squaredNorm() > kMaxSlip_ups * kMaxSlip_ups;
+    const bool meets = lies && load[lane] == 0.0F && !is_sphere_kind(kind), is_fresh = meets && !slides;
+    if (meets && slides) members_[member.index].sliding_rows.push_back(upper);
+    // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
+    // presses only with its own weight and what it bears itself.
     const bool is_below = (a >= b ? -up : up) > 0.0F;
     const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
-    const bool is_heavy = is_loaded || may_bear || excess > kDeepAlone;
-    if (!is_heavy && excess <= kDeepTogether) continue;
+    const bool is_off_centre = !slides && bases.eccentricity[lane] > kEccentric;
+    const float heavy_load = is_narrow ? kLeastLoad : is_off_centre ? kOffCentreLoad : kHeavyLoad;
+    const bool is_heavy = may_bear || loading > heavy_load * weight_impulse || excess > kDeepAlone;
+    const bool is_sinking = excess > kDeepTogether;
+    if (!is_heavy && !is_fresh && !is_sinking) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     MemberData& own = members_[member.index];
-    auto& rows = is_heavy ? own.heavy_rows : own.sinking_rows;
-    rows.push_back(bearer);
+    if (is_heavy)
+      own.heavy_rows.push_back(bearer);
+    else if (is_sinking)
+      own.sinking_rows.push_back(bearer);
+    else
+      own.fresh_rows.push_back({upper, is_narrow ? kHeavy : kFresh});
   }
 }
 
 bool HeavyIslandSolver::any_heavy_lane() const {
-  return std::ranges::any_of(
-      members_, [](const MemberData& m) { return !m.heavy_rows.empty() || !m.sinking_rows.empty(); });
+  return std::ranges::any_of(members_, [](const MemberData& m) {
+    return !m.heavy_rows.empty() || !m.sinking_rows.empty() || !m.fresh_rows.empty();
+  });
 }
 
 // ---- sets of rows, which all members unite at once
@@ -173,7 +260,8 @@ void HeavyIslandSolver::mark(std::int32_t row, std::uint8_t flag) {
 
 void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Member& member) {
   std::iota(parent_.begin() + own_rows.begin, parent_.begin() + own_rows.end, own_rows.begin);
-  std::fill(flags_.begin() + own_rows.begin, flags_.begin() + own_rows.end, std::uint8_t{0});
+  for (std::vector<std::uint8_t>* flags : {&flags_, &is_borne_})
+    std::fill(flags->begin() + own_rows.begin, flags->begin() + own_rows.end, std::uint8_t{0});
   member.arrive_and_wait();
   find_own_lanes(step, member);
   member.arrive_and_wait();
@@ -204,6 +292,11 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
         const int lane = std::countr_zero(left);
         lanes.push_back({i, lane, range.kind});
         if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
+        const std::span points(step.points.point + o.first_point, static_cast<std::size_t>(o.point_count));
+        if (std::ranges::none_of(points, [&](const BatchPoint& p) { return p.normal_impulse[lane] > 0.0F; }))
+          continue;
+        const float up = -step.gravity.dot(load_lane(points.front().normal, lane));
+        std::atomic_ref(is_borne_[upper_row(o, range.kind, lane, up)]).store(1, std::memory_order_relaxed);
       }
     }
 }
@@ -216,6 +309,10 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
   for (const std::int32_t row : own.sinking_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
+  for (const std::int32_t row : own.sliding_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSliding);
+  for (const auto& [row, flag] : own.fresh_rows)
+    if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
   for (const auto& [batch, lane, kind] : own.lanes)
     if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
       mark(step.graph.batch(batch).a[lane], kExcluded);
@@ -229,13 +326,13 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   const auto is_direct = [this](std::int32_t root) {
     return flags_[root] != 0 && (flags_[root] & kExcluded) == 0;
   };
-  const auto any_direct = [&](std::span<const std::int32_t> rows) {
-    return std::ranges::any_of(rows, [&](std::int32_t row) { return is_direct(find_root(row)); });
+  const auto any_direct = [&](const MemberData& m) {
+    const auto is_row_direct = [&](std::int32_t row) { return is_direct(find_root(row)); };
+    return std::ranges::any_of(m.heavy_rows, is_row_direct) ||
+           std::ranges::any_of(m.sinking_rows, is_row_direct) ||
+           std::ranges::any_of(m.fresh_rows, is_row_direct, &Fresh::row);
   };
-  if (std::ranges::none_of(members_, [&](const MemberData& m) {
-        return any_direct(m.heavy_rows) || any_direct(m.sinking_rows);
-      }))
-    return;
+  if (std::ranges::none_of(members_, any_direct)) return;
   const std::size_t row_count = parent_.size();
   constexpr std::int32_t kNone = -1;
   island_of_row_.assign(row_count, kNone);
@@ -248,7 +345,12 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     if (!is_direct(root)) continue;
     if (root == row) {
       island_of_row_[row] = static_cast<std::int32_t>(islands_.size());
-      islands_.push_back({.is_heavy = (flags_[root] & kHeavy) != 0});
+      const std::uint8_t flags = flags_[root];
+      const bool is_chain = (flags & (kFresh | kSliding)) == kFresh;
+      islands_.push_back({.min_bodies = (flags & kHeavy) != 0     ? 1
+                                        : is_chain                ? kMinChain
+                                        : (flags & kSinking) != 0 ? kMinSinkingBodies
+                                                                  : kMaxBodies + 1});
     }
     island_of_row_[row] = island_of_row_[root];
     body_of_row_[row] = islands_[island_of_row_[row]].body_count++;
@@ -257,11 +359,11 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   for (Island& island : islands_) {
     island.first_body = bodies_so_far;
     if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll ||
-        (!island.is_heavy && island.body_count < kMinSinkingBodies))
+        island.body_count < island.min_bodies)
       island.body_count = 0;
     bodies_so_far += island.body_count;
   }
-  rows_.resize(bodies_so_far);
+  rows_.resize(bodies_so_far), bodies_.resize(bodies_so_far);
   for (std::size_t i = 0; i < row_count; ++i)
     if (body_of_row_[i] >= 0) {
       Island& island = islands_[island_of_row_[i]];
@@ -269,7 +371,10 @@ void HeavyIslandSolver::number_islands(const Step& step) {
         body_of_row_[i] = kNone;
         continue;
       }
-      rows_[island.first_body + body_of_row_[i]] = static_cast<std::int32_t>(i);
+      const std::int32_t place = island.first_body + body_of_row_[i];
+      rows_[place] = static_cast<std::int32_t>(i);
+      bodies_[place] = {island_of_row_[i],
+                        static_cast<std::int32_t>(step.partition.body(static_cast<int>(i)))};
       const float force = bodies.wrench[partition.body(static_cast<int>(i))].force.norm();
       const float speed = h_s * gravity.norm() + Vec3(velocity[i].velocity).norm();
       island.greatest_impulse +=
@@ -476,6 +581,23 @@ void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
   }
 }
 
+double HeavyIslandSolver::PatchFriction::load(std::span<const Point> island,
+                                              const BatchPoints& points) const {
+  double load = 0.0;
+  for (const Point& p : island)
+    if (p.row[0] == patch->row && !is_pair(p.kind))
+      load += static_cast<double>(points.point[p.index].normal_impulse[p.lane]);
+  return load;
+}
+
+double HeavyIslandSolver::PatchFriction::limit_share(double load) const {
+  const auto& [x, y, torque] = patch->friction_sum;
+  const double limit = static_cast<double>(patch->friction) * load,
+               twist = torque - (patch->centre_x * y - patch->centre_y * x);
+  const double squares = x * x + y * y + twist * twist / std::max(patch->gyration_squared, 1e-12);
+  return squares / std::max(limit * limit, 1e-30);
+}
+
 double HeavyIslandSolver::Springs::lacking_speed(int k, const double* changes) const {
   double lacks = spring[k].error;
   for (int side = 0; side < 2; ++side) {
@@ -549,7 +671,9 @@ void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& poin
   for (PatchFriction& f : of.patches) {
     set_up(f, rows);
     std::fill_n(f.in_matrix, 3, false);
-    if (f.patch->is_lumped) f.update({true, true, true}, matrix);
+    const auto holds = [&] { return f.limit_share(f.load(of.points, points)) < kHolding * kHolding; };
+    f.sticks = f.patch->friction > 0.0F && (f.patch->is_lumped || (f.patch->may_lump() && holds()));
+    if (f.sticks) f.update({true, true, true}, matrix);
   }
 }
 
@@ -567,7 +691,7 @@ void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix
   }
   for (const PatchFriction& f : of.patches) {
     const Spring(&s)[3] = f.spring;
-    if (f.patch->is_lumped)
+    if (f.sticks)
       f.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error}, b);
   }
 }
@@ -631,7 +755,8 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
     p.keep(q);
   }
   for (const PatchFriction& f : of.patches)
-    for (int k = 0; k < 3 && f.patch->is_lumped; ++k) {
+    for (int k = 0; k < 3 && f.sticks; ++k) {
+      f.patch->is_lumped = true;
       f.patch->friction_sum[k] += f.spring[k].change;
       move(f, k, f.patch->row, 0);
     }
@@ -660,7 +785,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     for (Point& p : of.points)
       changed |= p.follow(b, static_cast<double>(points.point[p.index].friction[p.lane]));
     for (PatchFriction& f : of.patches)
-      for (int k = 0; f.patch->is_lumped && k < 3; ++k)
+      for (int k = 0; f.sticks && k < 3; ++k)
         f.spring[k].change = f.spring[k].stiffness * f.lacking_speed(k, b);
   }
   if (changed || std::ranges::any_of(of.points, [&](Point& p) {

@@ -1,10 +1,12 @@
-// A direct solver for islands in which light bodies bear heavy loads.
+// A direct solver for islands in which sequential impulses converge slowly.
 //
-// Sequential impulses carry a load through a light body in about as many sweeps as the load is heavier than
-// the body, and the springs of its contacts are as soft as the body is light: a tonne sinks into a table on
-// four legs of a kilogram. In such islands the normal impulses are solved at once after each sweep: the
-// velocity changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set
-// of contacts that bear, and of those that stick, by iteration (an active set).
+// They carry a load through a chain of bodies in about as many sweeps as the square of its length, through a
+// light body in as many as the load is heavier than the body, and stop a tilt over a narrow base in as many
+// as the moment of inertia exceeds that of the base; and the springs of contacts are as soft as bodies are
+// light. What they lack meanwhile moves the bodies: a tonne sinks into a table on four legs of a kilogram,
+// and a corbel falls. In such islands the normal impulses are solved at once after each sweep: the velocity
+// changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set of
+// contacts that bear, and of those that stick, by iteration (an active set).
 #pragma once
 
 #include <cstdint>
@@ -23,9 +25,9 @@ namespace smartsurf::world {
 
 class HeavyIslandSolver {
  public:
-  // A load heavier than this many times the weight of the body that bears it makes an island heavy, and so
-  // does one that presses the springs of its contacts far deeper than they yield here.
-  static constexpr float kHeavyLoad = 16.0F;
+  // A load heavier than this many times the weight of the body that bears it makes an island heavy, a lesser
+  // one where it is off the middle of the base, and so does a body that bears one heavier by the ratio.
+  static constexpr float kHeavyLoad = 16.0F, kOffCentreLoad = 2.5F, kHeavyRatio = 16.0F;
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
@@ -40,13 +42,15 @@ class HeavyIslandSolver {
     Vec3 gravity;
     float h_s;
   };
-  // Notes the lanes of a prepared batch in which a body bears a heavy load, or touches a body that much
-  // heavier. Called by the member that prepares the batch.
+  // Notes the lanes of a prepared batch in which a body bears a heavy load, touches a body that much heavier,
+  // lies on a narrow base, or meets what it lies on. Called by the member that prepares the batch.
   void find_heavy_lanes(const Step&, int batch, ContactKind, const SubstepParams&, const Member&);
   bool any_heavy_lane() const;
   // Builds the islands of the noted lanes. Called by all members after they have prepared their batches.
   void build(const Step&, IndexRange own_rows, const Member&);
   bool empty() const { return islands_.empty(); }
+  // The islands of the step, one after the other.
+  std::span<const IslandBody> bodies() const { return bodies_; }
 
   // A sweep of the solve stage (soft) or the relax stage.
   struct Substep {
@@ -63,8 +67,14 @@ class HeavyIslandSolver {
     std::int32_t batch, lane;
     ContactKind kind;
   };
+  // A body that meets what it lies on, and the flag of its set if nothing bears it yet.
+  struct Fresh {
+    std::int32_t row;
+    std::uint8_t flag;
+  };
   struct alignas(128) MemberData {
-    std::vector<std::int32_t> heavy_rows, sinking_rows;
+    std::vector<std::int32_t> heavy_rows, sinking_rows, sliding_rows;
+    std::vector<Fresh> fresh_rows;
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
@@ -104,12 +114,16 @@ class HeavyIslandSolver {
     // or slips as it did not.
     bool follow(const double* changes, double friction_coefficient);
   };
-  // The friction of a support patch whose cells rest and none of which slips: along x and y, and about z.
+  // The friction of a support patch whose cells rest: along x and y, and about z.
   struct PatchFriction : Springs {
     SupportPatch* patch;
+    bool sticks;
+    double load(std::span<const Point> island, const BatchPoints&) const;
+    // Of its friction in the greatest that the load allows, an ellipsoid, squared.
+    double limit_share(double load) const;
   };
   struct Island {
-    bool is_heavy;  // not only sinking
+    int min_bodies;  // smaller ones are left to the sweeps
     std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
                  patch_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
@@ -152,11 +166,13 @@ class HeavyIslandSolver {
   std::vector<MemberData> members_;
   std::vector<std::uint8_t> bearing_lanes_;  // by batch; bit i: a point of lane i bears or touches
   std::vector<BearingLane> lanes_;           // of the islands, in the order of the batches
-  std::vector<std::int32_t> parent_;  // by row: union-find, in which the least row of a set is its root
-  std::vector<std::uint8_t> flags_;   // by row, of roots
+  std::vector<std::int32_t> parent_;    // by row: union-find, in which the least row of a set is its root
+  std::vector<std::uint8_t> flags_;     // by row, of roots
+  std::vector<std::uint8_t> is_borne_;  // by row
   std::vector<std::int32_t> island_of_row_, body_of_row_;
   std::vector<Island> islands_;
   std::vector<std::int32_t> rows_;  // of the islands' bodies
+  std::vector<IslandBody> bodies_;  // in the same order
   std::vector<Point> points_;
   std::vector<PatchFriction> patches_;
   std::vector<BlockCholesky> matrices_;  // by island, without springs; more remain of earlier steps

@@ -67,6 +67,8 @@ class Solver {
   // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A
   // body may occur repeatedly.
   std::span<const std::vector<JammedBody>> jammed_bodies() const { return jammed_bodies_; }
+  // The bodies of islands that were solved at once, island by island.
+  std::span<const IslandBody> direct_islands() const { return heavy_islands_.bodies(); }
   // The motion of a row's body in the step, and its velocity at the end.
   const DeltaPose& motion(int row) const { return delta_pose_[row]; }
   const BodyVelocity& velocity(int row) const { return velocity_[row]; }

@@ -264,8 +264,6 @@ void set_extent(const SupportSamples& s, SupportPatch& p, double polar) {
   p.gyration_squared = (std::max(0.0, polar) + arms) / p.total_weight;
 }
 
-bool may_lump(const SupportPatch& p) { return p.is_one_belt && !p.has_shares && !p.is_elastic; }
-
 // Shares the friction impulse of a lumped patch among its samples, as a planar field.
 void spread_friction(SupportSamples& s, SupportPatch& p) {
   p.is_lumped = false;
@@ -290,7 +288,7 @@ void copy_to_lane(const SupportPatch& p, int lane, SupportFriction& to) {
   to.reach[lane] = p.reach, to.min_arm[lane] = p.min_arm;
   to.z[lane] = p.z, to.friction[lane] = p.friction;
   to.belt[0][lane] = p.belt_x, to.belt[1][lane] = p.belt_y;
-  to.lumps[lane] = may_lump(p) ? 1.0F : 0.0F;
+  to.lumps[lane] = p.may_lump() ? 1.0F : 0.0F;
 }
 
 // Finds the loads under the normal impulses of a patch's points, and from them the cones of its samples.
@@ -300,7 +298,7 @@ bool prepare_friction(SupportPatches& list, SupportPatch& p, const SupportSample
   const int lane = p.lane;
   const double force = stage.wrench[0][lane], moment_x = stage.wrench[1][lane],
                moment_y = stage.wrench[2][lane];
-  if (p.is_lumped && may_lump(p)) spread_friction(list.samples, p);
+  if (p.is_lumped && p.may_lump()) spread_friction(list.samples, p);
   if (p.is_elastic) p.force = force;    // with the loads of its springs
   double moved_x = 0.0, moved_y = 0.0;  // the centre of force since the loads were distributed
   const bool keeps_loads = p.is_elastic || (p.force > 0.0 && force > 0.0);
@@ -445,7 +443,7 @@ void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const
     }
     p.is_lumped = true;
   }
-  if (p.is_lumped && may_lump(p)) return;
+  if (p.is_lumped && p.may_lump()) return;
   if (p.is_lumped) spread_friction(s, p);
   support_kernels().sum_friction(samples, p.friction_sum);
 }
