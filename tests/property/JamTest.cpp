@@ -151,7 +151,7 @@ struct DepthBound {
 };
 constexpr DepthBound kCoarse{1.0 / 240, 20, 0.05};
 constexpr DepthBound kFine{1.0 / 960, 5, 0.02};
-constexpr double kAtRest = 0.0255;  // u; at rest a jam is no deeper, or no deeper than before
+constexpr double kAtRest = 0.026;  // u; at rest a jam is no deeper, or no deeper than before
 
 void expect_shallow_jams(JamShape shape, const DepthBound& bound) {
   for (int seed = 1; seed <= seed_count(bound.seeds); ++seed) {

@@ -63,24 +63,23 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
 // One of the two bodies, or the ground.
 struct Side {
   Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0}, centre{0, 0, 0};  // of mass
-  // Angular acceleration without torque, rad/s². Velocities have it from the end of the step on.
-  Vec3 gyroscopic{0, 0, 0};
 
   Side() = default;
   Side(const BodyStore& bodies, std::size_t body)
       : velocity(bodies.velocity(body)),
         angular_velocity(bodies.angular_velocity(body)),
-        centre(bodies.position[body]) {
-    if (bodies.is_sphere[body] || bodies.is_static(body)) return;
-    const double* const l = bodies.rotation_state[body].momentum;
-    const InverseInertia& w = bodies.world_inverse_inertia[body];
-    const Vec3 torque = Eigen::Vector3d(l[0], l[1], l[2]).cast<float>().cross(angular_velocity);
-    gyroscopic = {w.xx * torque.x() + w.xy * torque.y() + w.xz * torque.z(),
-                  w.xy * torque.x() + w.yy * torque.y() + w.yz * torque.z(),
-                  w.xz * torque.x() + w.yz * torque.y() + w.zz * torque.z()};
-  }
+        centre(bodies.position[body]) {}
   Vec3 velocity_at(const Vec3& point) const { return velocity + angular_velocity.cross(point - centre); }
 };
+
+// The angular acceleration without torque, rad/s². Velocities have it from the end of the step on.
+Vec3 gyroscopic_acceleration(const BodyStore& bodies, std::size_t body) {
+  if (bodies.is_sphere[body] || bodies.is_static(body)) return Vec3::Zero();
+  const double* const momentum = bodies.rotation_state[body].momentum;
+  const Vec3 torque =
+      Eigen::Map<const Eigen::Vector3d>(momentum).cast<float>().cross(bodies.angular_velocity(body));
+  return to_matrix(bodies.world_inverse_inertia[body]) * torque;
+}
 
 // Velocity of a contact point, u/s, which its normal, from b to a, and the curvatures determine. In a
 // direction in which both sides are flat it follows the body a or b.
@@ -138,8 +137,10 @@ void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<s
     c.anchor_time_s = share * time_s;
     c.anchor += c.anchor_time_s * past_a;
     const Vec3 gain = share * (side_b.angular_velocity.cross(past_b) - side_a.angular_velocity.cross(past_a)),
-               acceleration = gain + share * (side_b.gyroscopic.cross(point - side_b.centre) -
-                                              side_a.gyroscopic.cross(point - side_a.centre));
+               gyroscopic_a = gyroscopic_acceleration(bodies, a),
+               gyroscopic_b = b ? gyroscopic_acceleration(bodies, *b) : Vec3(Vec3::Zero()),
+               acceleration = gain + share * (gyroscopic_b.cross(point - side_b.centre) -
+                                              gyroscopic_a.cross(point - side_a.centre));
     if (acceleration.squaredNorm() < kMinAcceleration * kMinAcceleration) continue;
     c.surface_velocity -= c.anchor_time_s * gain;
     c.surface_acceleration = acceleration;
