@@ -646,7 +646,7 @@ exec {APRON} run {idle} --shm "$2"
         for number, flags in ((signal.SIGINT, ("--worlds", "4")), (signal.SIGTERM, ("--jobs", "1", "--retry", "2"))):
             starts = self.folder / "starts"
             sweep = self.start(SWEEP, self.experiment, "--smartsurf", stuck, "--until", "0.1", "-o", "out", "--seeds", "1-4", *flags)
-            self.wait_for(starts.exists, "the first run")
+            self.wait_for(lambda: starts.exists() and starts.read_text(), "the first run")
             sweep.send_signal(number)
             self.assertEqual(self.finish(sweep), (128 + number, "4 runs, 0 done before\n", ""))
             self.assertEqual(starts.read_text(), "run\n")
