@@ -90,15 +90,8 @@ TEST_P(FieldContactsTest, ReportEveryPenetration) {
     scene::Snapshot snapshot;
     snapshot.position.push_back({static_cast<float>(at.x()), static_cast<float>(at.y()), 0.0F});
     snapshot.orientation.push_back({rotation.x(), rotation.y(), rotation.z(), rotation.w()});
-    // Lowers the body until it is `wanted` deep.
-    const double wanted = uniform(kMinDepth, kMaxDepth);
-    float low = 0.5F, high = 8.0F;
-    for (int k = 0; k < 20; ++k) {
-      snapshot.position[0][2] = 0.5F * (low + high);
-      (penetration_into_field(field, shape, snapshot, 0) > wanted ? low : high) = snapshot.position[0][2];
-    }
-    snapshot.position[0][2] = high;
-    const double depth = penetration_into_field(field, shape, snapshot, 0);
+    const double depth =
+        lower_into_field(field, shape, 0.5F, 8.0F, uniform(kMinDepth, kMaxDepth), snapshot, 0);
     if (depth < kMinDepth) continue;  // it jumps where an upright side meets a top
     std::vector<world::Contact> contacts;
     world::collide_shape_with_field(field, shape, world::Vec3(snapshot.position[0].data()),

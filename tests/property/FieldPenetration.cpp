@@ -102,6 +102,18 @@ double penetration_into_field(const surface::Field& f, const Shape& shape, const
   return deepest;
 }
 
+double lower_into_field(const surface::Field& f, const Shape& shape, float low, float high, double wanted,
+                        scene::Snapshot& snapshot, std::size_t object) {
+  constexpr int kBisections = 20;
+  float& z = snapshot.position[object][2];
+  for (int k = 0; k < kBisections; ++k) {
+    z = 0.5F * (low + high);
+    (penetration_into_field(f, shape, snapshot, object) > wanted ? low : high) = z;
+  }
+  z = high;
+  return penetration_into_field(f, shape, snapshot, object);
+}
+
 double distance_to_field(const surface::Field& f, const Shape& shape, const scene::Snapshot& snapshot,
                          std::size_t object) {
   constexpr int kSamples = 4;

@@ -12,6 +12,11 @@ namespace physics_fixture {
 double penetration_into_field(const smartsurf::surface::Field&, const smartsurf::world::Shape&,
                               const smartsurf::scene::Snapshot&, std::size_t object);
 
+// Lowers the shape, from `high` to `low` at most, until it is `wanted` deep. Returns its depth, which is less
+// where it jumps: where an upright side meets a top.
+double lower_into_field(const smartsurf::surface::Field&, const smartsurf::world::Shape&, float low,
+                        float high, double wanted, smartsurf::scene::Snapshot&, std::size_t object);
+
 // An estimate of the distance from the shape to the nearest top, u; not positive if it touches one.
 double distance_to_field(const smartsurf::surface::Field&, const smartsurf::world::Shape&,
                          const smartsurf::scene::Snapshot&, std::size_t object);

@@ -226,15 +226,7 @@ TEST_P(FreeLayouts, ContactsReportEveryPenetration) {
     pose.position.push_back({static_cast<float>(at.x()), static_cast<float>(at.y()), 0.0F});
     const Eigen::Vector4f q = rotation.coeffs().cast<float>();
     pose.orientation.push_back({q.x(), q.y(), q.z(), q.w()});
-    // Lowers the body until it is `wanted` deep.
-    const double wanted = uniform(kTolerance, 0.04);
-    float low = 0.3F, high = 6.0F;
-    for (int k = 0; k < 20; ++k) {
-      pose.position[0][2] = 0.5F * (low + high);
-      (penetration_into_field(field, shape, pose, 0) > wanted ? low : high) = pose.position[0][2];
-    }
-    pose.position[0][2] = high;
-    const double depth = penetration_into_field(field, shape, pose, 0);
+    const double depth = lower_into_field(field, shape, 0.3F, 6.0F, uniform(kTolerance, 0.04), pose, 0);
     if (depth < kTolerance) continue;  // it jumps where an upright side meets a top
     ++deep;
     std::vector<world::Contact> contacts;

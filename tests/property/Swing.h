@@ -34,7 +34,7 @@ class Swing {
   struct Extreme {
     double at_s, value;
   };
-  // Of the parabola through the last three values.
+  // The vertex of the parabola through the last three values.
   Extreme vertex() const {
     const std::size_t n = values_.size();
     const double before = values_[n - 3], last = values_[n - 2], value = values_[n - 1];

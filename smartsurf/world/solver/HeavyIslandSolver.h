@@ -63,6 +63,8 @@ class HeavyIslandSolver {
 
  private:
   // A lane with a point that bears or touches.
+  // A load deflects a contact at most this far, u.
+  static constexpr float max_deflection(ContactKind kind) { return 0.5F * slop_of(kind); }
   struct BearingLane {
     std::int32_t batch, lane;
     ContactKind kind;
@@ -119,7 +121,7 @@ class HeavyIslandSolver {
     SupportPatch* patch;
     bool sticks;
     double load(std::span<const Point> island, const BatchPoints&) const;
-    // Of its friction in the greatest that the load allows, an ellipsoid, squared.
+    // The squared ratio of its friction to the greatest that the load allows, which is an ellipsoid.
     double limit_share(double load) const;
   };
   struct Island {

@@ -577,7 +577,8 @@ bool ImpactSolver::add_resisting_points(const Step& step, const Member& member) 
 }
 
 void ImpactSolver::find_resisting(const Step& step, const Member& member) {
-  auto& [candidates, changes, resisting, contacts, greatest_change] = members_[member.index];
+  MemberState& state = members_[member.index];
+  std::vector<Contact*>& contacts = state.contacts;
   const IndexRange own = member.share(static_cast<int>(active_.size()));
   for (const ManifoldRef& ref : std::span(active_).subspan(own.begin, own.end - own.begin)) {
     ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
@@ -597,7 +598,8 @@ void ImpactSolver::find_resisting(const Step& step, const Member& member) {
       contacts.push_back(&c);
     }
     if (!touches || !approach) continue;
-    for (Contact* c : contacts) set_target(resisting.emplace_back(make_point(step, m, *c)), 0.0F, blow_speed);
+    for (Contact* c : contacts)
+      set_target(state.resisting.emplace_back(make_point(step, m, *c)), 0.0F, blow_speed);
   }
 }
 

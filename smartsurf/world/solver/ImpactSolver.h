@@ -136,7 +136,7 @@ class ImpactSolver {
   };
   // A sweep over a great island goes through the points within each slab, then through those between each
   // slab and the next, first the even ones, and at last through the others: of large bodies, of sleepers, of
-  // bodies on a long way. Within a phase no body has points in two slabs, so members may take a slab each.
+  // bodies that move far. Within a phase no body has points in two slabs, so members may take a slab each.
   enum Phase { kWithinSlabs, kAfterEvenSlabs, kAfterOddSlabs, kElsewhere, kPhases };
   // Points that reach each other through bodies, fixed ones too.
   struct Island {

@@ -1,0 +1,444 @@
+// Which islands the direct solver has: the lanes that make one heavy, the sets of rows that contacts connect,
+// and their bodies, points and patches.
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "smartsurf/world/solver/HeavyIslandSolver.h"
+
+namespace smartsurf::world {
+namespace {
+
+// A contact with a load below this many weights of the lighter body carries that body alone: the load of a
+// body at rest is below, that of a body that bears another one above.
+constexpr float kOwnWeight = 3.0F;
+// A narrow base with a load below this many weights does not bear the body alone.
+constexpr float kLeastLoad = 0.5F;
+// A load is off the middle of its base from half of the way to an edge on.
+constexpr float kEccentric = 0.25F;
+// A body that lies on another one has a normal with at least this component along the vertical.
+constexpr float kLeastRise = 0.5F;
+// Bodies without loads as yet, of which so many are connected, may become a chain that bears a heavy one.
+constexpr int kMinChain = 2;
+// A contact whose load exceeds the sum of its island's weights, forces and momentum by this factor is wedged:
+// its load is an internal stress.
+constexpr double kMaxLeverage = 8.0;
+
+// Flags of a set of rows that contacts connect.
+constexpr std::uint8_t kHeavy = 1,  // the direct solver has it
+    kFresh = 2,                     // a body meets what it lies on: it does if it may become a chain
+    kExcluded = 4,                  // the sweeps have it in any case
+    kSinking = 8,                   // a load presses springs deep: it does from kMinSinkingBodies on
+    kSliding = 16;                  // a body meets what it slides on: it becomes no chain
+// Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
+// kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
+constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
+constexpr int kMinSinkingBodies = 8;
+// Bodies that slide on each other faster than this are left to the sweeps, unless the load is heavy: friction
+// moves their load off the middle.
+constexpr float kMaxSlip_ups = 0.05F;
+// A body rests on a narrow base if the lesser variance of its points is below this share of its squared
+// radius: the sweeps stop its tilt in about as many sweeps as its moment of inertia exceeds that of its base.
+constexpr float kNarrow = 0.01F;
+
+// Without branches, so that a loop over the lanes becomes vector code.
+bool bears_or_touches(const BatchPoint& p, int lane) {
+  return (p.normal_mass[lane] > 0.0F) &
+         ((p.normal_impulse[lane] > 0.0F) | (p.separation[lane] <= kTouchingSeparation));
+}
+
+// Bit i: a point of lane i bears or touches.
+std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points) {
+  std::int32_t bears[kLanes] = {};
+  for (const BatchPoint& p : std::span(points.point + o.first_point, o.point_count))
+    for (int i = 0; i < kLanes; ++i) bears[i] |= static_cast<std::int32_t>(bears_or_touches(p, i));
+  static_assert(kLanes <= 8);
+  unsigned mask = 0;
+  for (unsigned i = 0; i < kLanes; ++i) mask |= static_cast<unsigned>(bears[i]) << i;
+  return static_cast<std::uint8_t>(mask);
+}
+
+// The loads of the lanes, and the shape of the base that the points of each form that bear or touch.
+struct Bases {
+  float load[kLanes];  // of all points, mass·u/s
+  // The lesser variance of the points in their plane, to a factor of two; infinite for fewer than three,
+  // which are no base.
+  float width[kLanes];
+  // How far the load is off the middle: its squared offset over the variance of the points in that direction.
+  float eccentricity[kLanes];
+};
+
+// Loops over the lanes, which become vector code.
+Bases find_bases(const ContactBatch& o, const BatchPoints& points) {
+  Bases bases;
+  std::fill_n(bases.load, kLanes, 0.0F);
+  std::fill_n(bases.width, kLanes, std::numeric_limits<float>::infinity());
+  std::fill_n(bases.eccentricity, kLanes, 0.0F);
+  const int end = o.first_point + o.point_count;
+  for (int k = o.first_point; k < end; ++k)
+    for (int i = 0; i < kLanes; ++i) bases.load[i] += points.point[k].normal_impulse[i];
+  if (o.point_count < 3) return bases;
+  float count[kLanes] = {}, mean[3][kLanes] = {}, square[6][kLanes] = {}, moment[3][kLanes] = {};
+  for (int k = o.first_point; k < end; ++k) {
+    const auto& r = points.detail[k].anchor_a;
+    for (int i = 0; i < kLanes; ++i) {
+      const float weight = bears_or_touches(points.point[k], i) ? 1.0F : 0.0F;
+      const float x = weight * r[0][i], y = weight * r[1][i], z = weight * r[2][i];
+      count[i] += weight, mean[0][i] += x, mean[1][i] += y, mean[2][i] += z;
+      square[0][i] += x * x, square[1][i] += y * y, square[2][i] += z * z;
+      square[3][i] += x * y, square[4][i] += y * z, square[5][i] += z * x;
+      const float impulse = points.point[k].normal_impulse[i];
+      for (int axis = 0; axis < 3; ++axis) moment[axis][i] += impulse * r[axis][i];
+    }
+  }
+  for (int i = 0; i < kLanes; ++i) {
+    if (count[i] < 3.0F) continue;
+    const float n = 1.0F / count[i], x = n * mean[0][i], y = n * mean[1][i], z = n * mean[2][i];
+    const float xx = n * square[0][i] - x * x, yy = n * square[1][i] - y * y, zz = n * square[2][i] - z * z;
+    const float xy = n * square[3][i] - x * y, yz = n * square[4][i] - y * z, zx = n * square[5][i] - z * x;
+    const float trace = xx + yy + zz, minors = xx * yy - xy * xy + yy * zz - yz * yz + zz * xx - zx * zx;
+    bases.width[i] = std::max(minors, 0.0F) / std::max(trace, 1e-20F);
+    if (!(bases.load[i] > 0.0F)) continue;
+    const float m = 1.0F / bases.load[i], u = m * moment[0][i] - x, v = m * moment[1][i] - y,
+                w = m * moment[2][i] - z, squared = u * u + v * v + w * w;
+    const float along = u * u * xx + v * v * yy + w * w * zz + 2.0F * (u * v * xy + v * w * yz + w * u * zx);
+    bases.eccentricity[i] = squared * squared / std::max(along, 1e-20F);
+  }
+  return bases;
+}
+
+// `up`: the rise of the normal, from b to a.
+std::int32_t upper_row(const ContactBatch& o, ContactKind kind, int lane, float up) {
+  return up >= 0.0F || !is_pair(kind) ? o.a[lane] : o.b[lane];
+}
+
+// Cells that yield have a solver of their own. Where surfaces move, or press from the side or down, the loads
+// are those of a squeeze, which has no solution that holds everything.
+bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, const Vec3& gravity) {
+  constexpr float kMinRise = 0.5F, kMaxDepth = 0.02F;
+  const Vec3 up = -gravity.normalized();
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+    if (o.has_impulse_limit && points.limit[k].is_limited(lane)) return true;
+    const BatchPoint& p = points.point[k];
+    if (!bears_or_touches(p, lane)) continue;
+    const Vec3 normal = load_lane(p.normal, lane);
+    // Without gravity no side is below.
+    const float rise = up.isZero(0.0F) ? 1.0F : up.dot(normal);
+    if (std::max(normal.z(), rise) < kMinRise || p.separation[lane] < -kMaxDepth ||
+        !load_lane(points.detail[k].surface_velocity, lane).isZero(0.0F))
+      return true;
+  }
+  return false;
+}
+
+// Contacts of fast bodies are impacts, not loads.
+bool is_fast(const BodyVelocity& v) {
+  constexpr double kMaxLoadSpeed_ups = 1.0;
+  return Vec3(v.velocity).cast<double>().squaredNorm() > kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
+}
+
+}  // namespace
+
+void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) {
+  bodies_.clear();
+  members_.resize(member_count);
+  if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
+  parent_.resize(row_count);
+  flags_.resize(parent_.size()), is_borne_.resize(parent_.size());
+  for (MemberData& m : members_)
+    m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear(), m.sliding_rows.clear();
+  islands_.clear();
+}
+
+void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKind kind,
+                                         const SubstepParams& params, const Member& member) {
+  const ContactBatch& o = step.graph.batch(batch);
+  const BatchPoints& points = step.points;
+  const BodyVelocity* const velocity = step.velocity;
+  const Vec3 weight = step.h_s * step.gravity;  // what gravity gives a body in a substep, u/s
+  const unsigned bears = bearing_lanes_[batch] = find_bearing_lanes(o, points);
+  const float weight_impulse = weight.norm();
+  const Bases bases = find_bases(o, points);
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    if ((bears >> static_cast<unsigned>(lane) & 1U) == 0) continue;
+    const float a = velocity[o.a[lane]].inverse_mass,
+                b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
+    const float lighter = std::max(a, b), heavier = std::min(a, b);
+    const bool of_unequal = heavier > 0.0F && lighter > kHeavyRatio * heavier;
+    // The speed that the load gives to its bearer in a substep. The springs of spheres are never stiffened.
+    const float loading = bases.load[lane] * lighter;
+    const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
+                             (params.mass_scale * params.bias_rate);
+    // Deflection relative to that of the direct solver.
+    const float excess = kind == kGeneralPair ? deflection / max_deflection(kind) : 0.0F;
+    const Vec3 normal = load_lane(points.point[o.first_point].normal, lane);  // from b to a
+    const float up = -weight.dot(normal);
+    const std::int32_t upper = upper_row(o, kind, lane, up);
+    const bool lies = weight_impulse > 0.0F && std::abs(up) >= kLeastRise * weight_impulse;
+    const float radius = step.bodies.bounding_radius[step.partition.body(upper)];
+    const bool is_narrow = lies && bases.width[lane] < kNarrow * radius * radius;
+    const Vec3 speed = Vec3(velocity[o.a[lane]].velocity) -
+                       (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity) : Vec3(Vec3::Zero()));
+    const bool slides = speed.cross(normal).squaredNorm() > kMaxSlip_ups * kMaxSlip_ups;
+    const bool meets = lies && bases.load[lane] == 0.0F && !is_sphere_kind(kind), is_fresh = meets && !slides;
+    if (meets && slides) members_[member.index].sliding_rows.push_back(upper);
+    // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
+    // presses only with its own weight and what it bears itself.
+    const bool is_below = (a >= b ? -up : up) > 0.0F;
+    const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
+    const bool is_off_centre = !slides && bases.eccentricity[lane] > kEccentric;
+    const float heavy_load = is_narrow ? kLeastLoad : is_off_centre ? kOffCentreLoad : kHeavyLoad;
+    const bool is_heavy = may_bear || loading > heavy_load * weight_impulse || excess > kDeepAlone;
+    const bool is_sinking = excess > kDeepTogether;
+    if (!is_heavy && !is_fresh && !is_sinking) continue;
+    // build() would exclude these after it had looked at all lanes of the scene.
+    const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
+    if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
+    MemberData& own = members_[member.index];
+    if (is_heavy)
+      own.heavy_rows.push_back(bearer);
+    else if (is_sinking)
+      own.sinking_rows.push_back(bearer);
+    else
+      own.fresh_rows.push_back({upper, is_narrow ? kHeavy : kFresh});
+  }
+}
+
+bool HeavyIslandSolver::any_heavy_lane() const {
+  return std::ranges::any_of(members_, [](const MemberData& m) {
+    return !m.heavy_rows.empty() || !m.sinking_rows.empty() || !m.fresh_rows.empty();
+  });
+}
+
+// ---- sets of rows, which all members unite at once
+
+std::int32_t HeavyIslandSolver::find_root(std::int32_t row) {
+  const auto parent = [this](std::int32_t i) { return std::atomic_ref(parent_[i]); };
+  for (;;) {
+    const std::int32_t next = parent(row).load(std::memory_order_relaxed);
+    if (next == row) return row;
+    const std::int32_t after = parent(next).load(std::memory_order_relaxed);
+    // Any ancestor will do, and a row that has one never becomes a root again.
+    if (after != next) parent(row).store(after, std::memory_order_relaxed);
+    row = after;
+  }
+}
+
+void HeavyIslandSolver::unite(std::int32_t row, std::int32_t other) {
+  for (;;) {
+    row = find_root(row), other = find_root(other);
+    if (row == other) return;
+    if (row < other) std::swap(row, other);
+    std::int32_t expected = row;
+    if (std::atomic_ref(parent_[row]).compare_exchange_strong(expected, other, std::memory_order_relaxed))
+      return;
+  }
+}
+
+// Raises a flag of the set that the row is in.
+void HeavyIslandSolver::mark(std::int32_t row, std::uint8_t flag) {
+  const std::atomic_ref flags(flags_[find_root(row)]);
+  if ((flags.load(std::memory_order_relaxed) & flag) == 0) flags.fetch_or(flag, std::memory_order_relaxed);
+}
+
+// ---- islands
+
+void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Member& member) {
+  std::iota(parent_.begin() + own_rows.begin, parent_.begin() + own_rows.end, own_rows.begin);
+  for (std::vector<std::uint8_t>* flags : {&flags_, &is_borne_})
+    std::fill(flags->begin() + own_rows.begin, flags->begin() + own_rows.end, std::uint8_t{0});
+  member.arrive_and_wait();
+  find_own_lanes(step, member);
+  member.arrive_and_wait();
+  mark_islands(step, own_rows, member);
+  member.single([&] { number_islands(step); });
+  if (islands_.empty()) return;
+  std::erase_if(members_[member.index].lanes, [&](const BearingLane& l) {
+    const ContactBatch& o = step.graph.batch(l.batch);
+    return body_of(step, o.a[l.lane]) < 0 && (!is_pair(l.kind) || body_of(step, o.b[l.lane]) < 0);
+  });
+  member.single([&] {
+    collect_points(step);
+    collect_patches(step.supports);
+    std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
+    if (matrices_.size() < islands_.size()) matrices_.resize(islands_.size());
+    share_islands();
+  });
+}
+
+void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
+  std::vector<BearingLane>& lanes = members_[member.index].lanes;
+  lanes.clear();
+  const auto moves = [&](std::int32_t row) { return step.velocity[row].inverse_mass > 0.0F; };
+  for (const BatchRange& range : step.graph.own_batches(member))
+    for (int i = range.first; i < range.first + range.count; ++i) {
+      const ContactBatch& o = step.graph.batch(i);
+      for (unsigned left = bearing_lanes_[i]; left != 0; left &= left - 1) {
+        const int lane = std::countr_zero(left);
+        lanes.push_back({i, lane, range.kind});
+        if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
+        const std::span points(step.points.point + o.first_point, static_cast<std::size_t>(o.point_count));
+        if (std::ranges::none_of(points, [&](const BatchPoint& p) { return p.normal_impulse[lane] > 0.0F; }))
+          continue;
+        const float up = -step.gravity.dot(load_lane(points.front().normal, lane));
+        std::atomic_ref(is_borne_[upper_row(o, range.kind, lane, up)]).store(1, std::memory_order_relaxed);
+      }
+    }
+}
+
+// Bodies with joints have a solver of their own.
+void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, const Member& member) {
+  const BatchPoints& points = step.points;
+  const MemberData& own = members_[member.index];
+  for (const std::int32_t row : own.heavy_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
+  for (const std::int32_t row : own.sinking_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
+  for (const std::int32_t row : own.sliding_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSliding);
+  for (const auto& [row, flag] : own.fresh_rows)
+    if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
+  for (const auto& [batch, lane, kind] : own.lanes)
+    if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
+      mark(step.graph.batch(batch).a[lane], kExcluded);
+  for (int row = own_rows.begin; row < own_rows.end; ++row)
+    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(step.velocity[row])) mark(row, kExcluded);
+}
+
+void HeavyIslandSolver::number_islands(const Step& step) {
+  const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
+  islands_.clear();
+  const auto is_direct = [this](std::int32_t root) {
+    return flags_[root] != 0 && (flags_[root] & kExcluded) == 0;
+  };
+  const auto any_direct = [&](const MemberData& m) {
+    const auto is_row_direct = [&](std::int32_t row) { return is_direct(find_root(row)); };
+    return std::ranges::any_of(m.heavy_rows, is_row_direct) ||
+           std::ranges::any_of(m.sinking_rows, is_row_direct) ||
+           std::ranges::any_of(m.fresh_rows, is_row_direct, &Fresh::row);
+  };
+  if (std::ranges::none_of(members_, any_direct)) return;
+  const std::size_t row_count = parent_.size();
+  constexpr std::int32_t kNone = -1;
+  island_of_row_.assign(row_count, kNone);
+  body_of_row_.assign(row_count, kNone);
+  // The root of an island is its first row, and comes before the others.
+  for (std::size_t i = 0; i < row_count; ++i) {
+    const auto row = static_cast<std::int32_t>(i);
+    if (!(velocity[row].inverse_mass > 0.0F)) continue;
+    const std::int32_t root = find_root(row);
+    if (!is_direct(root)) continue;
+    if (root == row) {
+      island_of_row_[row] = static_cast<std::int32_t>(islands_.size());
+      const std::uint8_t flags = flags_[root];
+      const bool is_chain = (flags & (kFresh | kSliding)) == kFresh;
+      islands_.push_back({.min_bodies = (flags & kHeavy) != 0     ? 1
+                                        : is_chain                ? kMinChain
+                                        : (flags & kSinking) != 0 ? kMinSinkingBodies
+                                                                  : kMaxBodies + 1});
+    }
+    island_of_row_[row] = island_of_row_[root];
+    body_of_row_[row] = islands_[island_of_row_[row]].body_count++;
+  }
+  std::int32_t bodies_so_far = 0;
+  for (Island& island : islands_) {
+    island.first_body = bodies_so_far;
+    if (island.body_count > kMaxBodies || bodies_so_far + island.body_count > kMaxBodiesInAll ||
+        island.body_count < island.min_bodies)
+      island.body_count = 0;
+    bodies_so_far += island.body_count;
+  }
+  rows_.resize(bodies_so_far), bodies_.resize(bodies_so_far);
+  for (std::size_t i = 0; i < row_count; ++i)
+    if (body_of_row_[i] >= 0) {
+      Island& island = islands_[island_of_row_[i]];
+      if (island.body_count == 0) {
+        body_of_row_[i] = kNone;
+        continue;
+      }
+      const std::int32_t place = island.first_body + body_of_row_[i];
+      rows_[place] = static_cast<std::int32_t>(i);
+      bodies_[place] = {island_of_row_[i],
+                        static_cast<std::int32_t>(step.partition.body(static_cast<int>(i)))};
+      const float force = bodies.wrench[partition.body(static_cast<int>(i))].force.norm();
+      const float speed = h_s * gravity.norm() + Vec3(velocity[i].velocity).norm();
+      island.greatest_impulse +=
+          kMaxLeverage * static_cast<double>(speed / velocity[i].inverse_mass + h_s * force);
+    }
+}
+
+// Island by island, in the order of ConstraintGraph::rank().
+void HeavyIslandSolver::collect_points(const Step& step) {
+  const BatchPoints& points = step.points;
+  lanes_.clear();
+  for (const MemberData& m : members_) lanes_.insert(lanes_.end(), m.lanes.begin(), m.lanes.end());
+  std::ranges::sort(lanes_, {},
+                    [&](const BearingLane& l) { return step.graph.rank(l.kind, l.batch, l.lane); });
+  // Calls each(point, its island).
+  const auto for_each_point = [&](auto each) {
+    for (const auto& [batch, lane, kind] : lanes_) {
+      const ContactBatch& o = step.graph.batch(batch);
+      const bool of_pair = is_pair(kind);
+      const std::int32_t a = body_of(step, o.a[lane]), b = of_pair ? body_of(step, o.b[lane]) : -1;
+      Island& island = islands_[island_of_row_[a >= 0 ? o.a[lane] : o.b[lane]]];
+      for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+        if (!bears_or_touches(points.point[k], lane)) continue;
+        Point p;
+        p.body[0] = a, p.body[1] = b;
+        p.index = k, p.lane = lane;
+        p.row[0] = o.a[lane], p.row[1] = of_pair ? o.b[lane] : -1;
+        p.kind = kind;
+        p.steady_impulse = static_cast<double>(points.point[k].normal_impulse[lane]);
+        p.keep(points.point[k]);
+        each(p, island);
+      }
+    }
+  };
+  for (Island& island : islands_) island.point_count = 0;
+  std::int32_t count = 0;
+  for_each_point([&](const Point&, Island& island) { ++island.point_count, ++count; });
+  points_.resize(count);
+  count = 0;
+  for (Island& island : islands_) island.first_point = count, count += std::exchange(island.point_count, 0);
+  for_each_point(
+      [&](const Point& p, Island& island) { points_[island.first_point + island.point_count++] = p; });
+}
+
+void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
+  const auto for_each_patch = [&](auto each) {
+    for (SupportPatches& list : supports)
+      for (SupportPatch& p : list.patches)
+        if (body_of_row_[p.row] >= 0 && !p.moves) each(p, islands_[island_of_row_[p.row]]);
+  };
+  for (Island& island : islands_) island.patch_count = 0;
+  std::int32_t count = 0;
+  for_each_patch([&](const SupportPatch&, Island& island) { ++island.patch_count, ++count; });
+  patches_.resize(count);
+  count = 0;
+  for (Island& island : islands_) island.first_patch = count, count += std::exchange(island.patch_count, 0);
+  for_each_patch([&](SupportPatch& p, Island& island) {
+    PatchFriction& f = patches_[island.first_patch + island.patch_count++];
+    f.patch = &p;
+    f.body[0] = body_of_row_[p.row], f.body[1] = -1;
+  });
+}
+
+// The largest first, each to the member that has least to do.
+void HeavyIslandSolver::share_islands() {
+  const auto work_of = [](const Island& island) { return island.point_count + 4 * island.body_count; };
+  std::vector<std::int32_t> order(islands_.size()), work(members_.size(), 0);
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, std::ranges::greater(),
+                           [&](std::int32_t i) { return work_of(islands_[i]); });
+  for (const std::int32_t i : order) {
+    const auto least = std::ranges::min_element(work);
+    islands_[i].member = static_cast<std::int32_t>(least - work.begin());
+    *least += work_of(islands_[i]);
+  }
+}
+
+}  // namespace smartsurf::world
