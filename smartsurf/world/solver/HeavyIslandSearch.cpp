@@ -29,11 +29,11 @@ constexpr int kMinChain = 2;
 constexpr double kMaxLeverage = 8.0;
 
 // Flags of a set of rows that contacts connect.
-constexpr std::uint8_t kHeavy = 1,  // the direct solver has it
-    kFresh = 2,                     // a body meets what it lies on: it does if it may become a chain
-    kExcluded = 4,                  // the sweeps have it in any case
-    kSinking = 8,                   // a load presses springs deep: it does from kMinSinkingBodies on
-    kSliding = 16;                  // a body meets what it slides on: it becomes no chain
+constexpr std::uint8_t kHeavy = 1;     // the direct solver has it
+constexpr std::uint8_t kFresh = 2;     // a body meets what it lies on: it does if it may become a chain
+constexpr std::uint8_t kExcluded = 4;  // the sweeps have it in any case
+constexpr std::uint8_t kSinking = 8;   // a load presses springs deep: it does from kMinSinkingBodies on
+constexpr std::uint8_t kSliding = 16;  // a body meets what it slides on: it becomes no chain
 // Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
 // kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
