@@ -54,6 +54,7 @@ struct RestMotion {
 struct BodyLink {
   std::int32_t a, b;  // b = −1: the table
   bool collide;       // whether they collide as well
+  bool is_rigid;      // whether it is a fixed joint
 };
 
 // A body of an island that is solved at once.

@@ -1,5 +1,5 @@
 // Which islands the direct solver has: the lanes that make one heavy, the sets of rows that contacts connect,
-// and their bodies, points and patches.
+// and their bodies, points, patches and fixed joints.
 #include <algorithm>
 #include <atomic>
 #include <bit>
@@ -34,6 +34,7 @@ constexpr std::uint8_t kFresh = 2;     // a body meets what it lies on: it does 
 constexpr std::uint8_t kExcluded = 4;  // the sweeps have it in any case
 constexpr std::uint8_t kSinking = 8;   // a load presses springs deep: it does from kMinSinkingBodies on
 constexpr std::uint8_t kSliding = 16;  // a body meets what it slides on: it becomes no chain
+constexpr std::uint8_t kCarried = 32;  // cells move it: the direct solver has it only if it is heavy
 // Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
 // kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
@@ -116,8 +117,8 @@ std::int32_t upper_row(const ContactBatch& o, ContactKind kind, int lane, float 
   return up >= 0.0F || !is_pair(kind) ? o.a[lane] : o.b[lane];
 }
 
-// Cells that yield have a solver of their own. Where surfaces move, or press from the side or down, the loads
-// are those of a squeeze, which has no solution that holds everything.
+// Cells that yield have a solver of their own. Where surfaces press from the side or down, the loads are
+// those of a squeeze, which has no solution that holds everything.
 bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, const Vec3& gravity) {
   constexpr float kMinRise = 0.5F, kMaxDepth = 0.02F;
   const Vec3 up = -gravity.normalized();
@@ -128,10 +129,17 @@ bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, con
     const Vec3 normal = load_lane(p.normal, lane);
     // Without gravity no side is below.
     const float rise = up.isZero(0.0F) ? 1.0F : up.dot(normal);
-    if (std::max(normal.z(), rise) < kMinRise || p.separation[lane] < -kMaxDepth ||
+    if (std::max(normal.z(), rise) < kMinRise || p.separation[lane] < -kMaxDepth) return true;
+  }
+  return false;
+}
+
+// True if a cell under the lane's body drives or rises.
+bool is_carried(const ContactBatch& o, const BatchPoints& points, int lane) {
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
+    if (bears_or_touches(points.point[k], lane) &&
         !load_lane(points.detail[k].surface_velocity, lane).isZero(0.0F))
       return true;
-  }
   return false;
 }
 
@@ -182,7 +190,8 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     const float radius = step.bodies.bounding_radius[step.partition.body(upper)];
     const bool is_narrow = lies && bases.width[lane] < kNarrow * radius * radius;
     const Vec3 speed = Vec3(velocity[o.a[lane]].velocity) -
-                       (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity) : Vec3(Vec3::Zero()));
+                       (is_pair(kind) ? Vec3(velocity[o.b[lane]].velocity)
+                                      : load_lane(points.detail[o.first_point].surface_velocity, lane));
     const bool slides = speed.cross(normal).squaredNorm() > kMaxSlip_ups * kMaxSlip_ups;
     const bool meets = lies && bases.load[lane] == 0.0F && !is_sphere_kind(kind), is_fresh = meets && !slides;
     if (meets && slides) members_[member.index].sliding_rows.push_back(upper);
@@ -198,6 +207,7 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
+    if (!is_heavy && !is_pair(kind) && is_carried(o, points, lane)) continue;
     MemberData& own = members_[member.index];
     if (is_heavy)
       own.heavy_rows.push_back(bearer);
@@ -264,6 +274,7 @@ void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Membe
   member.single([&] {
     collect_points(step);
     collect_patches(step.supports);
+    collect_welds(step);
     std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
     if (matrices_.size() < islands_.size()) matrices_.resize(islands_.size());
     share_islands();
@@ -274,6 +285,12 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
   std::vector<BearingLane>& lanes = members_[member.index].lanes;
   lanes.clear();
   const auto moves = [&](std::int32_t row) { return step.velocity[row].inverse_mass > 0.0F; };
+  if (member.is_caller())
+    for (const BodyLink& link : step.bodies.links) {
+      if (!link.is_rigid || link.b < 0) continue;
+      if (step.bodies.is_active(link.a) && step.bodies.is_active(link.b))
+        unite(step.partition.row(link.a), step.partition.row(link.b));
+    }
   for (const BatchRange& range : step.graph.own_batches(member))
     for (int i = range.first; i < range.first + range.count; ++i) {
       const ContactBatch& o = step.graph.batch(i);
@@ -290,7 +307,7 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
     }
 }
 
-// Bodies with joints have a solver of their own.
+// Bodies with joints that move have a solver of their own.
 void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, const Member& member) {
   const BatchPoints& points = step.points;
   const MemberData& own = members_[member.index];
@@ -305,15 +322,23 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   for (const auto& [batch, lane, kind] : own.lanes)
     if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
       mark(step.graph.batch(batch).a[lane], kExcluded);
+    else if (!is_pair(kind) && is_carried(step.graph.batch(batch), points, lane))
+      mark(step.graph.batch(batch).a[lane], kCarried);
   for (int row = own_rows.begin; row < own_rows.end; ++row)
-    if (step.bodies.is_jointed[step.partition.body(row)] || is_fast(step.velocity[row])) mark(row, kExcluded);
+    if (is_fast(step.velocity[row])) mark(row, kExcluded);
+  if (!member.is_caller()) return;
+  for (const BodyLink& link : step.bodies.links)
+    for (const std::int32_t body : {link.a, link.b})
+      if (!link.is_rigid && body >= 0 && step.bodies.is_active(body))
+        mark(step.partition.row(body), kExcluded);
 }
 
 void HeavyIslandSolver::number_islands(const Step& step) {
   const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
   islands_.clear();
   const auto is_direct = [this](std::int32_t root) {
-    return flags_[root] != 0 && (flags_[root] & kExcluded) == 0;
+    const std::uint8_t flags = flags_[root];
+    return flags != 0 && (flags & kExcluded) == 0 && ((flags & kCarried) == 0 || (flags & kHeavy) != 0);
   };
   const auto any_direct = [&](const MemberData& m) {
     const auto is_row_direct = [&](std::int32_t row) { return is_direct(find_root(row)); };
@@ -326,6 +351,7 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   constexpr std::int32_t kNone = -1;
   island_of_row_.assign(row_count, kNone);
   body_of_row_.assign(row_count, kNone);
+  is_solved_.assign(row_count, 0);
   // The root of an island is its first row, and comes before the others.
   for (std::size_t i = 0; i < row_count; ++i) {
     const auto row = static_cast<std::int32_t>(i);
@@ -412,7 +438,7 @@ void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
   const auto for_each_patch = [&](auto each) {
     for (SupportPatches& list : supports)
       for (SupportPatch& p : list.patches)
-        if (body_of_row_[p.row] >= 0 && !p.moves) each(p, islands_[island_of_row_[p.row]]);
+        if (body_of_row_[p.row] >= 0 && (!p.moves || p.is_one_belt)) each(p, islands_[island_of_row_[p.row]]);
   };
   for (Island& island : islands_) island.patch_count = 0;
   std::int32_t count = 0;
@@ -425,6 +451,30 @@ void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
     f.patch = &p;
     f.body[0] = body_of_row_[p.row], f.body[1] = -1;
   });
+}
+
+void HeavyIslandSolver::collect_welds(const Step& step) {
+  const auto row_of = [&](std::int32_t body) {
+    return body >= 0 && step.bodies.is_active(body) ? step.partition.row(body) : -1;
+  };
+  const auto for_each_weld = [&](auto each) {
+    for (std::size_t k = 0; k < step.bodies.links.size(); ++k) {
+      const BodyLink& link = step.bodies.links[k];
+      Weld w{.joint = static_cast<std::int32_t>(k), .row = {row_of(link.a), row_of(link.b)}, .part = {}};
+      const std::int32_t row = w.row[0] >= 0 ? w.row[0] : w.row[1];
+      if (row < 0 || body_of_row_[row] < 0) continue;
+      for (Springs& s : w.part)
+        for (int side = 0; side < 2; ++side) s.body[side] = w.row[side] >= 0 ? body_of_row_[w.row[side]] : -1;
+      each(w, islands_[island_of_row_[row]]);
+    }
+  };
+  for (Island& island : islands_) island.weld_count = 0;
+  std::int32_t count = 0;
+  for_each_weld([&](const Weld&, Island& island) { ++island.weld_count, ++count; });
+  welds_.resize(count);
+  count = 0;
+  for (Island& island : islands_) island.first_weld = count, count += std::exchange(island.weld_count, 0);
+  for_each_weld([&](const Weld& w, Island& island) { welds_[island.first_weld + island.weld_count++] = w; });
 }
 
 // The largest first, each to the member that has least to do.

@@ -16,6 +16,8 @@ constexpr double kCompliance = 1e-3;
 // The part of a steady load that deflects no spring; see SubstepParams::steady_share.
 constexpr double kSteadyShare = 0.8;
 constexpr int kMaxPasses = 12;
+// Compliance of a fixed joint, relative to what its two bodies give way by.
+constexpr double kWeldCompliance = 1e-8;
 // A patch of which samples slip sticks as a whole while its friction is below this share of its limit.
 constexpr double kHolding = 0.5;
 
@@ -139,6 +141,7 @@ void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
   const BlockCholesky::Rows axis = {{1, 0, 0, 0, z, 0}, {0, 1, 0, -z, 0, 0}, {0, 0, 0, 0, 0, 1}};
   const double inertia = 1.0 / static_cast<double>(to_matrix(rows.inverse_inertia[p.row])(2, 2));
   const double hard = 1.0 / (kCompliance * static_cast<double>(m.inverse_mass));
+  const double belt[3] = {p.belt_x, p.belt_y, 0.0};
   for (int k = 0; k < 3; ++k) {
     Spring& s = f.spring[k];
     double speed = 0.0;
@@ -148,8 +151,31 @@ void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
                axis[k][3 + i] * static_cast<double>(m.angular_velocity[i]);
     }
     s.stiffness = k < 2 ? hard : inertia / kCompliance;
-    s.error = -speed, s.change = 0.0;
+    s.error = belt[k] - speed, s.change = 0.0;
   }
+}
+
+// Keeps the speeds along its rows that the joints' solver has found.
+void HeavyIslandSolver::set_up(Weld& w, const SolverBodies& rows, const Substep& substep) {
+  const JointSolver::Weld weld = substep.joints.weld(w.joint);
+  for (int part = 0; part < 2; ++part)
+    for (int k = 0; k < 3; ++k) {
+      const int r = 3 * part + k;
+      Spring& s = w.part[part].spring[k];
+      double speed = 0.0;
+      for (int side = 0; side < 2; ++side) {
+        double(&axis)[6] = w.part[part].jacobian[side][k];
+        for (int i = 0; i < 6; ++i) axis[i] = (*weld.jacobian[side])(r, i);
+        if (w.row[side] < 0) continue;
+        const BodyVelocity& m = rows.velocity[w.row[side]];
+        for (int i = 0; i < 3; ++i)
+          speed += axis[i] * static_cast<double>(m.velocity[i]) +
+                   axis[3 + i] * static_cast<double>(m.angular_velocity[i]);
+      }
+      s.stiffness = 1.0 / (kWeldCompliance * (*weld.response)[r]);
+      s.error = (substep.is_soft ? (*weld.end_speeds)[r] : 0.0) - speed;
+      s.change = 0.0;
+    }
 }
 
 double HeavyIslandSolver::PatchFriction::load(std::span<const Point> island,
@@ -222,6 +248,8 @@ void HeavyIslandSolver::prepare_island(const Island& island, const BatchPoints& 
     set_axes(p, points, rows);
     if (p.body[0] >= 0 && p.body[1] >= 0) bodies.connect(p.body[0], p.body[1]);
   }
+  for (const Weld& w : std::span(welds_).subspan(island.first_weld, island.weld_count))
+    if (w.row[0] >= 0 && w.row[1] >= 0) bodies.connect(w.part[0].body[0], w.part[0].body[1]);
   bodies.analyse();
   for (int i = 0; i < island.body_count; ++i) {
     const std::int32_t row = rows_[island.first_body + i];
@@ -246,6 +274,13 @@ void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& poin
     f.sticks = f.patch->friction > 0.0F && (f.patch->is_lumped || (f.patch->may_lump() && holds()));
     if (f.sticks) f.update({true, true, true}, matrix);
   }
+  for (Weld& w : of.welds) {
+    set_up(w, rows, substep);
+    for (Springs& s : w.part) {
+      std::fill_n(s.in_matrix, 3, false);
+      s.update({true, true, true}, matrix);
+    }
+  }
 }
 
 void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix,
@@ -260,11 +295,15 @@ void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix
       force[k] = sticks ? p.spring[k].stiffness * p.spring[k].error : p.spring[k].change;
     p.add_force(force, b);
   }
-  for (const PatchFriction& f : of.patches) {
-    const Spring(&s)[3] = f.spring;
-    if (f.sticks)
-      f.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error}, b);
-  }
+  const auto add_forces = [&](const Springs& of_all) {
+    const Spring(&s)[3] = of_all.spring;
+    of_all.add_force({s[0].stiffness * s[0].error, s[1].stiffness * s[1].error, s[2].stiffness * s[2].error},
+                     b);
+  };
+  for (const PatchFriction& f : of.patches)
+    if (f.sticks) add_forces(f);
+  for (const Weld& w : of.welds)
+    for (const Springs& s : w.part) add_forces(s);
 }
 
 bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coefficient) {
@@ -296,9 +335,10 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
 }
 
 void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& points, const SolverBodies& rows,
-                              bool is_soft) {
-  const auto move = [&](const Springs& s, int k, std::int32_t row, int side) {
-    BodyVelocity& m = rows.velocity[row];
+                              const Substep& substep) {
+  const bool is_soft = substep.is_soft;
+  const auto move = [&](const Springs& s, int k, std::int32_t row, int side, BodyVelocity* velocity) {
+    BodyVelocity& m = velocity[row];
     const double* const axis = s.jacobian[side][k];
     const auto change = static_cast<float>(s.spring[k].change);
     const Vec3 turn = change * Eigen::Map<const Vector3>(axis + 3).cast<float>();
@@ -321,7 +361,7 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
       for (int i = 0; k > 0 && i < 3; ++i)
         q.friction_impulse[i][p.lane] += static_cast<float>(p.spring[k].change * p.jacobian[0][k][i]);
       for (int side = 0; side < 2; ++side)
-        if (p.body[side] >= 0) move(p, k, p.row[side], side);
+        if (p.body[side] >= 0) move(p, k, p.row[side], side, rows.velocity);
     }
     p.keep(q);
   }
@@ -329,21 +369,35 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
     for (int k = 0; k < 3 && f.sticks; ++k) {
       f.patch->is_lumped = true;
       f.patch->friction_sum[k] += f.spring[k].change;
-      move(f, k, f.patch->row, 0);
+      move(f, k, f.patch->row, 0, rows.velocity);
     }
+  // The next substep repeats what contacts add to the start velocity, not what joints do.
+  for (const Weld& w : of.welds) {
+    JointEquations::Vector6 impulse;
+    for (int r = 0; r < 6; ++r) {
+      const Springs& s = w.part[r / 3];
+      impulse[r] = s.spring[r % 3].change;
+      for (int side = 0; side < 2; ++side)
+        for (BodyVelocity* const velocity : {rows.velocity, substep.start_velocity})
+          if (w.row[side] >= 0) move(s, r % 3, w.row[side], side, velocity);
+    }
+    substep.joints.add_impulse(w.joint, impulse, !is_soft);
+  }
 }
 
 void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& points,
                                      const SolverBodies& rows, const Substep& substep,
                                      const BlockCholesky& bodies, MemberData& data) {
   const IslandContacts of{std::span(points_).subspan(island.first_point, island.point_count),
-                          std::span(patches_).subspan(island.first_patch, island.patch_count)};
+                          std::span(patches_).subspan(island.first_patch, island.patch_count),
+                          std::span(welds_).subspan(island.first_weld, island.weld_count)};
   BlockCholesky& matrix = data.matrix;
   double* const b = data.right_side;
   exchange_impulses(of.points, points, rows);
   const auto give_up = [&] {
     exchange_impulses(of.points, points, rows);
     for (Point& p : of.points) p.keep(points.point[p.index]);
+    note_solved(island, false);
   };
   matrix = bodies;
   set_up(of, points, rows, substep, matrix);
@@ -355,15 +409,25 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     changed = false;
     for (Point& p : of.points)
       changed |= p.follow(b, static_cast<double>(points.point[p.index].friction[p.lane]));
+    const auto follow = [&](Springs& s) {
+      for (int k = 0; k < 3; ++k) s.spring[k].change = s.spring[k].stiffness * s.lacking_speed(k, b);
+    };
     for (PatchFriction& f : of.patches)
-      for (int k = 0; f.sticks && k < 3; ++k)
-        f.spring[k].change = f.spring[k].stiffness * f.lacking_speed(k, b);
+      if (f.sticks) follow(f);
+    for (Weld& w : of.welds)
+      for (Springs& s : w.part) follow(s);
   }
   if (changed || std::ranges::any_of(of.points, [&](Point& p) {
         return p.normal().impulse + p.normal().change > island.greatest_impulse;
       }))
     return give_up();
-  apply(of, points, rows, substep.is_soft);
+  apply(of, points, rows, substep);
+  note_solved(island, true);
+}
+
+void HeavyIslandSolver::note_solved(const Island& island, bool is_solved) {
+  for (const std::int32_t row : std::span(rows_).subspan(island.first_body, island.body_count))
+    is_solved_[row] = static_cast<char>(is_solved);
 }
 
 void HeavyIslandSolver::solve(const BatchPoints& points, const SolverBodies& rows, const Substep& substep,

@@ -6,7 +6,8 @@
 // light. What they lack meanwhile moves the bodies: a tonne sinks into a table on four legs of a kilogram,
 // and a corbel falls. In such islands the normal impulses are solved at once after each sweep: the velocity
 // changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set of
-// contacts that bear, and of those that stick, by iteration (an active set).
+// contacts that bear, and of those that stick, by iteration (an active set). Fixed joints are hard springs
+// that bear in any direction.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +21,7 @@
 #include "smartsurf/world/solver/BlockCholesky.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ContactBatch.h"
+#include "smartsurf/world/solver/JointSolver.h"
 
 namespace smartsurf::world {
 
@@ -56,10 +58,16 @@ class HeavyIslandSolver {
   struct Substep {
     const SubstepParams &pair_params, &static_params;
     bool is_soft;
+    JointSolver& joints;
+    BodyVelocity* start_velocity;  // see JointSolver::Rows
   };
   // Corrects the impulses after a sweep. Called by all members, each of which solves some of the islands;
   // nobody may use the bodies of the islands meanwhile.
   void solve(const BatchPoints&, const SolverBodies&, const Substep&, const Member&);
+  // By row: whether the last solve() has found the impulses of its body. Empty without islands.
+  std::span<const char> solved_rows() const {
+    return islands_.empty() ? std::span<const char>() : is_solved_;
+  }
 
  private:
   // A lane with a point that bears or touches.
@@ -124,10 +132,15 @@ class HeavyIslandSolver {
     // The squared ratio of its friction to the greatest that the load allows, which is an ellipsoid.
     double limit_share(double load) const;
   };
+  // A fixed joint: its forces and its torques.
+  struct Weld {
+    std::int32_t joint, row[2];  // −1: does not move
+    Springs part[2];
+  };
   struct Island {
     int min_bodies;  // smaller ones are left to the sweeps
     std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
-                 patch_count = 0;
+                 patch_count = 0, first_weld = 0, weld_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     std::int32_t member = 0;        // that solves it
     bool is_prepared = false;       // what stays through the step
@@ -145,14 +158,17 @@ class HeavyIslandSolver {
   }
   void collect_points(const Step&);
   void collect_patches(std::span<SupportPatches>);
+  void collect_welds(const Step&);
   void share_islands();
   struct IslandContacts {
     std::span<Point> points;
     std::span<PatchFriction> patches;
+    std::span<Weld> welds;
   };
   void prepare_island(const Island&, const BatchPoints&, const SolverBodies&, BlockCholesky& bodies);
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const Substep&,
                     const BlockCholesky& bodies, MemberData&);
+  void note_solved(const Island&, bool is_solved);
   // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the
   // direct solution would have to take out again.
   static void exchange_impulses(std::span<Point>, const BatchPoints&, const SolverBodies&);
@@ -161,9 +177,10 @@ class HeavyIslandSolver {
   static void set_up(const IslandContacts&, const BatchPoints&, const SolverBodies&, const Substep&,
                      BlockCholesky&);
   static void set_up(PatchFriction&, const SolverBodies&);
+  static void set_up(Weld&, const SolverBodies&, const Substep&);
   // The equations of what bears and sticks now.
   static void assemble(const IslandContacts&, BlockCholesky&, std::span<double> right_side);
-  static void apply(const IslandContacts&, const BatchPoints&, const SolverBodies&, bool is_soft);
+  static void apply(const IslandContacts&, const BatchPoints&, const SolverBodies&, const Substep&);
 
   std::vector<MemberData> members_;
   std::vector<std::uint8_t> bearing_lanes_;  // by batch; bit i: a point of lane i bears or touches
@@ -177,6 +194,8 @@ class HeavyIslandSolver {
   std::vector<IslandBody> bodies_;  // in the same order
   std::vector<Point> points_;
   std::vector<PatchFriction> patches_;
+  std::vector<Weld> welds_;
+  std::vector<char> is_solved_;          // by row
   std::vector<BlockCholesky> matrices_;  // by island, without springs; more remain of earlier steps
 };
 

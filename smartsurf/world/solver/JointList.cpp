@@ -104,7 +104,7 @@ void JointSolver::on_body_removed(std::int32_t body, BodyStore& bodies) {
 void JointSolver::update_links(BodyStore& bodies) {
   indexed_ = false;
   std::vector<BodyLink> links;
-  for (const Joint& j : joints_) links.push_back({j.a, j.b, j.collide});
+  for (const Joint& j : joints_) links.push_back({j.a, j.b, j.collide, j.kind == scene::JointKind::kFixed});
   bodies.set_links(std::move(links));
 }
 

@@ -452,7 +452,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
   }
   for (int t = trees.begin; t < trees.end; ++t)
     for (const std::int32_t k : joints_of(equations_.trees()[t]))
-      if (equations_.trees()[t].has_loop && blocks_[k].is_active) blocks_[k].end_speeds = speeds(blocks_[k]);
+      if (blocks_[k].is_active) blocks_[k].end_speeds = speeds(blocks_[k]);
   store_velocities(rows, trees);
 }
 
@@ -569,6 +569,12 @@ void JointSolver::relax_part(IndexRange trees) {
   });
   solve_trees(Stage::kRelax, trees);
   add_efforts(trees, 1.0);
+}
+
+void JointSolver::add_impulse(std::int32_t joint, const RowVector& impulse, bool is_relaxing) {
+  Block& block = blocks_[joint];
+  block.impulse += impulse;
+  if (is_relaxing) joints_[joint].force_impulse += block.jacobian_a.leftCols<3>().transpose() * impulse;
 }
 
 void JointSolver::add_efforts(IndexRange trees, double sign) {

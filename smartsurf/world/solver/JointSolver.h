@@ -80,6 +80,20 @@ class JointSolver {
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
+  // ---- for the solver of an island with fixed joints; threads may call these at once for different trees
+  // The rows of a joint with an active body, by its index among the joints, which is that of its link. The
+  // speed along a row is jacobian[0]·(v, ω of a) + jacobian[1]·(v, ω of b).
+  struct Weld {
+    std::array<const JointEquations::Matrix6*, 2> jacobian;
+    const JointEquations::Vector6* response;    // change of each row's speed by a unit impulse along it
+    const JointEquations::Vector6* end_speeds;  // with which solve() ends
+  };
+  Weld weld(std::int32_t joint) const {
+    const Block& b = blocks_[joint];
+    return {{&b.jacobian_a, &b.jacobian_b}, &b.response, &b.end_speeds};
+  }
+  // Notes an impulse that the solver has exerted along the rows, in the stage of solve() or relax().
+  void add_impulse(std::int32_t joint, const JointEquations::Vector6& impulse, bool is_relaxing);
   // Calls visit(body) for the active bodies with joints.
   template <class Visit>
   void for_each_jointed(Visit visit) const {
@@ -163,7 +177,7 @@ class JointSolver {
     RowMatrix jacobian_a = RowMatrix::Zero(), jacobian_b = RowMatrix::Zero();
     RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
     RowVector solved_speeds = RowVector::Zero();  // before the segments of axes changed
-    RowVector end_speeds = RowVector::Zero();     // with which solve() ends; of trees with loops
+    RowVector end_speeds = RowVector::Zero();     // with which solve() ends
     RowVector error = RowVector::Zero();          // of the rigid rows
     // The frame of a and the anchor of b that the part holds together, and what is to be left of their error.
     Quatd held_frame_a{1, 0, 0, 0};

@@ -30,9 +30,10 @@ void JointedContacts::Point::apply(const Vec3& impulse, BodyVelocity* rows) cons
 }
 
 void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bodies,
-                              const SpatialPartition& partition, BatchPoints points,
-                              const BodyVelocity* rows) {
+                              const SpatialPartition& partition, BatchPoints points, const BodyVelocity* rows,
+                              std::span<const char> solved_rows) {
   points_.clear();
+  solved_rows_ = solved_rows;
   is_touched_.assign(partition.row_count(), 0);
   const auto is_jointed = [&](std::int32_t row) {
     const std::size_t body = partition.body(row);
@@ -77,11 +78,11 @@ void JointedContacts::collect(const ConstraintGraph& graph, const BodyStore& bod
   for (const Lane& l : lanes_) add_lane(graph.batch(l.batch), l.kind, l.lane);
 }
 
-Vec3 JointedContacts::lower_to_load(Point& p, BatchPoints points) {
+Vec3 JointedContacts::lower_to_load(Point& p, BatchPoints points) const {
   BatchPoint& q = points.point[p.index];
   const float last = q.normal_impulse[p.lane], kept = std::min(last, p.before_last);
   p.before_last = last;
-  if (kept == last) return Vec3::Zero();
+  if (kept == last || is_solved(p)) return Vec3::Zero();
   const float share = kept / last;
   const Vec3 friction = load_lane(q.friction_impulse, p.lane);
   q.normal_impulse[p.lane] = kept;
@@ -120,6 +121,7 @@ void JointedContacts::begin_stage(BatchPoints points, const SolverBodies& rows,
 void JointedContacts::sweep(BatchPoints points, const SolverBodies& rows, const SubstepParams& pair_params,
                             const SubstepParams& static_params, bool is_soft) {
   for (Point& p : points_) {
+    if (is_solved(p)) continue;
     const SubstepParams& params = is_pair(p.kind) ? pair_params : static_params;
     BatchPoint& q = points.point[p.index];
     const BatchPointDetail& d = points.detail[p.index];

@@ -24,10 +24,14 @@ namespace smartsurf::world {
 
 class JointedContacts {
  public:
-  // Notes the contacts of active bodies with joints. Call once all batches are prepared.
+  // Notes the contacts of active bodies with joints. Call once all batches are prepared. `solved_rows`: see
+  // HeavyIslandSolver; what it has solved stays as it is. It is read until the next call.
   void collect(const ConstraintGraph&, const BodyStore&, const SpatialPartition&, BatchPoints,
-               const BodyVelocity*);
+               const BodyVelocity*, std::span<const char> solved_rows);
   bool empty() const { return points_.empty(); }
+  bool is_solved(std::int32_t row) const {
+    return !solved_rows_.empty() && row >= 0 && solved_rows_[static_cast<std::size_t>(row)] != 0;
+  }
   // By row: whether a noted contact touches the body.
   std::span<const char> touched_rows() const { return is_touched_; }
 
@@ -58,7 +62,8 @@ class JointedContacts {
     void apply(const Vec3& impulse, BodyVelocity*) const;
   };
   // Lowers the impulses of a point to what both last substeps have borne; returns the change.
-  static Vec3 lower_to_load(Point&, BatchPoints);
+  Vec3 lower_to_load(Point&, BatchPoints) const;
+  bool is_solved(const Point& p) const { return is_solved(p.row[0]) || is_solved(p.row[1]); }
 
   struct Lane {
     std::pair<int, int> rank;  // ConstraintGraph::rank(): contacts are swept in its order
@@ -69,6 +74,7 @@ class JointedContacts {
   std::vector<Lane> lanes_;  // with a body that has joints
   std::vector<Point> points_;
   std::vector<char> is_touched_;
+  std::span<const char> solved_rows_;
 };
 
 }  // namespace smartsurf::world

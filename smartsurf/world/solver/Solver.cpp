@@ -171,7 +171,8 @@ void Solver::prepare_step(StepContext& context, const Member& member) {
       [&](auto& points, auto... share) { points.begin_step(point_step(context), share...); });
   if (!joints.empty())
     member.on_caller([&] {
-      jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data());
+      jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
+                                heavy_islands_.solved_rows());
       if (!jointed_contacts_.empty()) joints.select_touched(jointed_contacts_.touched_rows());
     });
   run_contact_stage(context, member, context.kernels.warm_start, 0.0F, SupportStage::kWarmStart);
@@ -395,7 +396,9 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
   member.wait();
   member.arrive_and_wait();
   heavy_islands_.solve(batch_points(), context.solver_bodies,
-                       {pair_params, static_params, support_stage == SupportStage::kSolve}, member);
+                       {pair_params, static_params, support_stage == SupportStage::kSolve,
+                        context.input.joints, start_velocity_.data()},
+                       member);
   member.arrive();
 }
 
@@ -500,6 +503,7 @@ void Solver::settle_jointed_contacts(StepContext& context, const Member& member,
           std::uint32_t jointed = 0;
           batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
             if (p.is_elastic || !context.bodies.is_jointed[p.body]) return;
+            if (jointed_contacts_.is_solved(p.row)) return;
             jointed |= std::uint32_t{1} << static_cast<unsigned>(lane);
             solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row],
                                  delta_pose_[p.row], inverse_inertia_[p.row]);
