@@ -157,8 +157,8 @@ class CollisionPipeline {
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
-    // Of several members: what is merged into the lists of the step, and where its contacts begin there. A
-    // single member finds everything in those lists.
+    // With several members: own contacts before the merge, and where they begin in the lists of the step. A
+    // single member writes into those lists.
     ContactList pair_contacts, static_contacts;
     std::int32_t first_pair_contact = 0, first_static_contact = 0;
     std::size_t pair_count = 0, static_count = 0, contact_count = 0;  // manifolds, and their contacts
@@ -272,7 +272,7 @@ void CollisionPipeline::for_each_sleeper_in_reach(const BodyStore& bodies, std::
   sleeper_grid_.for_each_in_box(at - half, at + half, test);
   std::ranges::for_each(sleeper_grid_.large_bodies(), test);
   if (margin <= fast_margin_[body]) return;
-  // What lies in the way of a body that flies farther than its own size.
+  // Sleepers in the path of a body that flies farther than its own size.
   const Vec3 path = dt_s_ * bodies.velocity(body);
   const float length = std::max(path.squaredNorm(), 1e-20F);
   auto test_path = [&](std::int32_t sleeper) {

@@ -284,7 +284,7 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
     friction[k] = t.impulse + t.change;
     work += friction[k] * lack;
   }
-  // Friction that drives the slip on is that of a point which sticks.
+  // If friction points along the slip, the point sticks.
   if (!sticks && bears && work < 0.0 && !stuck_again) return sticks = stuck_again = true;
   const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
   if (length <= limit) return changed;

@@ -1,12 +1,12 @@
 // A direct solver for islands in which sequential impulses converge slowly.
 //
-// They carry a load through a chain of bodies in about as many sweeps as the square of its length, through a
-// light body in as many as the load is heavier than the body, and stop a tilt over a narrow base in as many
-// as the moment of inertia exceeds that of the base; and the springs of contacts are as soft as bodies are
-// light. What they lack meanwhile moves the bodies: a tonne sinks into a table on four legs of a kilogram,
-// and a corbel falls. In such islands the normal impulses are solved at once after each sweep: the velocity
-// changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set of
-// contacts that bear, and of those that stick, by iteration (an active set).
+// Sequential impulses need about n² sweeps to carry a load through a chain of n bodies, as many as the ratio
+// of the masses through a light body, and as many as the ratio of the moments of inertia to stop a tilt over
+// a narrow base; and contacts are as soft as bodies are light. The missing impulse moves the bodies: a tonne
+// sinks into a table on four legs of a kilogram, and a corbel falls. In such islands the normal impulses are
+// solved at once after each sweep: the velocity changes of all bodies, with the contacts as springs in series
+// with the rigid bodies, and the set of contacts that bear, and of those that stick, by iteration (an active
+// set).
 #pragma once
 
 #include <cstdint>

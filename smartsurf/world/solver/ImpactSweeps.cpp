@@ -184,7 +184,7 @@ bool ImpactSolver::continue_islands() {
   });
 }
 
-// The bodies that the sweeps have changed, in the order in which those over the list would have.
+// The bodies changed by the sweeps, in the order in which a serial sweep would change them.
 void ImpactSolver::take_changes() {
   changes_.clear();
   for (MemberState& m : members_) {

@@ -325,8 +325,8 @@ bool prepare_friction(SupportPatches& list, SupportPatch& p, const SupportSample
   return p.force != 0.0 || !Vector3(p.friction_sum).isZero(0.0);
 }
 
-// Finds the friction of the patches in a set of lanes. stick(stage) applies that of those that stick, and
-// returns their set; rub(stage, lanes) that of the others, if there are any.
+// Finds the friction of the patches in a set of lanes. stick(stage) applies the friction of sticking patches
+// and returns their lanes; rub(stage, lanes) applies that of sliding ones, if there are any.
 template <class Stick, class Rub>
 std::uint32_t solve_friction(SupportBatch& batch, std::uint32_t lanes, BatchPoints points, bool is_soft,
                              Stick stick, Rub rub) {
