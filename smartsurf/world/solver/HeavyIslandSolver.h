@@ -6,7 +6,7 @@
 // sinks into a table on four legs of a kilogram, and a corbel falls. In such islands the normal impulses are
 // solved at once after each sweep: the velocity changes of all bodies, with the contacts as springs in series
 // with the rigid bodies, and the set of contacts that bear, and of those that stick, by iteration (an active
-// set).
+// set). The springs of elastic tops are solved with them.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +20,7 @@
 #include "smartsurf/world/solver/BlockCholesky.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ContactBatch.h"
+#include "smartsurf/world/solver/SupportSprings.h"
 
 namespace smartsurf::world {
 
@@ -80,6 +81,8 @@ class HeavyIslandSolver {
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
+    std::vector<LinearLoad> loads;  // of the elastic patches of that island
+    std::vector<char> bears;        // by load
   };
   // A spring in series with the rigid bodies: its stiffness (impulse per speed) and the speed that it lacks.
   struct Spring {
@@ -118,16 +121,34 @@ class HeavyIslandSolver {
   };
   // The friction of a support patch whose cells rest: along x and y, and about z.
   struct PatchFriction : Springs {
+    SupportPatches* list;
     SupportPatch* patch;
     bool sticks;
     double load(std::span<const Point> island, const BatchPoints&) const;
     // The squared ratio of its friction to the greatest that the load allows, which is an ellipsoid.
     double limit_share(double load) const;
   };
+  // A support patch on elastic tops, whose loads are springs along the vertical.
+  struct ElasticPatch {
+    SupportPatches* list;
+    SupportPatch* patch;
+    std::int32_t body;           // in the island
+    std::size_t first_load = 0;  // in MemberData
+    std::size_t load_count = 0;
+    support::Vector3 motion = support::Vector3::Zero();     // of its face before the direct solution
+    support::Matrix3 in_matrix = support::Matrix3::Zero();  // the stiffness that the matrix has of it
+    void set_up(MemberData&, const SolverBodies&, const Substep&);
+    // The equations of the corners that bear now.
+    void assemble(const MemberData&, BlockCholesky&, double* right_side);
+    support::Vector3 motion_after(const double* changes) const;
+    // Returns whether a corner now bears or lifts as it did not.
+    bool follow(MemberData&, const double* changes) const;
+    void apply(const MemberData&, const double* changes, const SolverBodies&, bool is_soft) const;
+  };
   struct Island {
     int min_bodies;  // smaller ones are left to the sweeps
     std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
-                 patch_count = 0;
+                 patch_count = 0, first_elastic = 0, elastic_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     std::int32_t member = 0;        // that solves it
     bool is_prepared = false;       // what stays through the step
@@ -177,6 +198,7 @@ class HeavyIslandSolver {
   std::vector<IslandBody> bodies_;  // in the same order
   std::vector<Point> points_;
   std::vector<PatchFriction> patches_;
+  std::vector<ElasticPatch> elastic_patches_;
   std::vector<BlockCholesky> matrices_;  // by island, without springs; more remain of earlier steps
 };
 
