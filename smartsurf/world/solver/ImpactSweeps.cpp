@@ -281,11 +281,11 @@ void ImpactSolver::prefetch(const Point& p) {
 template <class Each>
 float ImpactSolver::sweep(const Island& island, Sweeper& by, bool is_backward, int number, Each each) {
   float greatest = 0.0F;
+  const bool prefetches = members_.size() > 1;
   const auto visit = [&](std::int32_t begin, std::int32_t end) {
     const auto point = [&](std::int32_t k) { return order_[is_backward ? end - 1 - k : begin + k]; };
     for (std::int32_t k = 0; k < end - begin; ++k) {
-      if (by.team != nullptr && k + kPrefetchDistance < end - begin)
-        prefetch(points_[point(k + kPrefetchDistance)]);
+      if (prefetches && k + kPrefetchDistance < end - begin) prefetch(points_[point(k + kPrefetchDistance)]);
       const std::size_t i = point(k);
       const Visit v{by.state.changes, number, is_backward ? points_.size() - 1 - i : i};
       greatest = std::max(greatest, each(points_[i], v));
