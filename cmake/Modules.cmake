@@ -72,7 +72,7 @@ if(SMARTSURF_SANITIZE)
     if(LLD)  # links in a quarter of GNU ld's time
       target_link_options(project_options INTERFACE -fuse-ld=lld)
     endif()
-    # Of a shared run-time library a report's frames name the file, which tells them from the program's.
+    # Frames of a shared run-time library are reported with its file, which tells them from the program's.
     if(sanitizer STREQUAL address)
       execute_process(COMMAND ${CMAKE_CXX_COMPILER} -print-runtime-dir OUTPUT_VARIABLE folder OUTPUT_STRIP_TRAILING_WHITESPACE)
       target_link_options(project_options INTERFACE -shared-libasan LINKER:-rpath,${folder})
@@ -170,7 +170,7 @@ function(add_module_test name)
     set_property(GLOBAL APPEND PROPERTY threaded_tests ${name})
     list(APPEND T_LABEL threads)
   endif()
-  # Of an inline function the linker keeps the first copy that it meets: the optimised modules' own, not that of a test.
+  # The linker keeps the first copy of an inline function that it meets: the optimised modules' own, not that of a test.
   foreach(library IN LISTS T_LIBS)
     if(TARGET ${library})
       get_target_property(optimised ${library} IS_OPTIMISED)

@@ -123,8 +123,8 @@ std::string_view argument_of_type(const syntax::MacroParameter& parameter) {
   return {};
 }
 
-// Errors are judged by calls with one kind of argument alone, of which each has all; lines of one of the
-// further calls, which mix two or three kinds, may be free of error.
+// An error is reported only if every call with a single kind of argument has it, and no call that mixes two
+// or three kinds is free of errors on that line.
 struct Calls {
   std::vector<std::string> all;
   std::size_t uniform = 0;  // the first ones
@@ -353,8 +353,9 @@ CompileResult check_macro_bodies(const CompileOptions& options, syntax::FileRead
       } else if (trial.errors) {
         for (auto& [key, error] : *trial.errors) {
           error.location.expansion = 0;
-          error.notes = {{trial.definition,
-                          fmt::format("every call of the macro '{}' has it, which is defined", trial.name)}};
+          error.notes = {
+              {trial.definition,
+               fmt::format("every call of the macro '{}' has this error; it is defined", trial.name)}};
           found.emplace(key, std::move(error));
         }
       }

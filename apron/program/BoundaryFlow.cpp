@@ -7,7 +7,7 @@
 namespace apron::program {
 namespace {
 
-// What follows the instruction `boundary`.
+// The condition that the instruction `boundary` sets; nullopt if its value is a variable.
 std::optional<BoundaryCondition> condition_set(const Program& program, const Instruction& boundary) {
   const auto rule = static_cast<BoundaryRule>(program.literals[boundary.operands[0].index]);
   if (rule != BoundaryRule::kValue) return BoundaryCondition{rule, 0.0};

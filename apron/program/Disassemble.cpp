@@ -48,7 +48,7 @@ std::string operand_list(const Program& program, const Instruction& instruction)
   return list;
 }
 
-// With the type of the cells, if they are integers: that of the destination, or else of the first register.
+// Appends the cells' type if they are integers: that of the destination, or else of the first register.
 std::string mnemonic(const Program& program, const Instruction& instruction) {
   std::string text(opcode_info(instruction.op).mnemonic);
   const Operand* reg = &instruction.destination;

@@ -29,7 +29,7 @@ std::string check_for(double from, double to, double step) {
 }
 
 std::string check_repeat(double rounds) {
-  if (std::isnan(rounds)) return "'repeat' takes a number of rounds, and this is none (NaN)";
+  if (std::isnan(rounds)) return "'repeat' takes a number of rounds, not NaN";
   if (rounds > kMaxLoopCount)
     return fmt::format("'repeat' counts up to {:.0f} at most, not to {}", kMaxLoopCount, number_text(rounds));
   return {};

@@ -88,7 +88,7 @@ Statement Parser::make_invalid(const Line& line) const {
   Statement statement;
   statement.location = line.location;
   statement.target.text = line.tokens.front().text;
-  // In `if(a) b = c` the block is what others need.
+  // `if(a) b = c` counts as a block, not as an assignment.
   const bool opens_block =
       is_keyword(statement.target.text) && line.tokens.size() > 1 && line.tokens[1].is("(");
   statement.assigns =

@@ -260,7 +260,7 @@ class Generator {
     return cells;
   }
 
-  // What a side receives at most: the longest of each set of messages that travel at once.
+  // Bytes of the longest message of each set that travels at once.
   std::vector<std::size_t> message_bytes(const Step& step) const {
     std::array<std::size_t, 4> bytes{};
     for (const Strip& strip : step.exchange.strips) {

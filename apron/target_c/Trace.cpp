@@ -370,7 +370,7 @@ class Tracer {
   NodeId cell_number(NodeId id, CellType type) {
     if (id == kNoNode || !graph_->is_scalar(id) || !program::is_integer(type)) return id;
     if (const auto value = graph_->value(id); value && !program::is_cell_value(type, *value))
-      warn(fmt::format("warning: {:g} is no {}: a board limits it to the type's values", *value,
+      warn(fmt::format("warning: {:g} is not of type {}: a board limits it to the type's values", *value,
                        program::cell_type_name(type)));
     return id;
   }

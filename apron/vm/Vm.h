@@ -62,9 +62,8 @@ enum class Status {
 
 // Results depend only on the program and on the host's data: not on the number of threads, nor on the CPU
 // (except for a NaN's sign and payload). Not thread-safe. Only the constructor allocates, except for error
-// messages, file names of numbered images, routines that recurse inside a `where`, the first
-// write under a mask of another type of cells, and a register stack that
-// grows beyond its previous maximum.
+// messages, file names of numbered images, routines that recurse inside a `where`, the first write under a
+// mask of another type of cells, and a register stack that grows beyond its previous maximum.
 class Vm {
  public:
   // `program` must have passed program::verify(); `host` must outlive the VM. Throws std::bad_alloc.

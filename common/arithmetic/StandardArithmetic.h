@@ -1,6 +1,6 @@
 // The floating-point environment of a new process, for the calling thread while this object lives: results
 // are rounded to the nearest, subnormal numbers count and nothing traps, whatever the host program has set.
-// What libraries that are loaded meanwhile set, as those that GCC links with -Ofast, ends with it.
+// Modes set by libraries loaded meanwhile, such as those that GCC links with -Ofast, end with it.
 #pragma once
 
 #include <cfenv>

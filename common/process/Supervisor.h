@@ -33,7 +33,7 @@ constexpr int kStalled = 124;
 // Called in a forked child, which becomes the supervisor of a command. The supervisor ends with the command,
 // with its exit status or 128 + signal, and ends what the command has left. On SIGTERM it passes the signal
 // on, and kills what remains after 1.5 s, or on another SIGTERM, or after a grace where `parent` has ended,
-// which it notices however that ends, and whatever rights that has given up since. Processes in sessions of
+// which it detects in any case, even if the parent has dropped privileges. Processes in sessions of
 // their own and those whose parents have ended do not escape: the supervisor adopts them. Without /proc, only
 // the command itself is ended. Signals of a terminal reach the command, not the supervisor.
 [[noreturn]] void supervise(const Supervision&) noexcept;

@@ -264,14 +264,13 @@ class Batch {
 }  // namespace
 
 void bind_batch(py::module_& m) {
-  using scene::Overrides;
   py::class_<Batch>(m, "Batch")
-      .def(py::init([](std::string experiment, std::string engine, Overrides overrides,
-                       const std::vector<std::uint64_t>& seeds, int threads, int autoreset,
-                       std::optional<std::uint64_t> max_ticks, const Batch::Overrides& of_worlds,
-                       std::optional<std::string> source, const py::object& controllers) {
-        EnvironmentOptions options = make_options(std::move(experiment), std::move(engine),
-                                                  std::move(overrides), std::nullopt, 1, std::move(source));
+      .def(py::init([](std::string experiment, std::string engine, const std::vector<std::uint64_t>& seeds,
+                       int threads, int autoreset, std::optional<std::uint64_t> max_ticks,
+                       const Batch::Overrides& of_worlds, std::optional<std::string> source,
+                       const py::object& controllers) {
+        EnvironmentOptions options =
+            make_options(std::move(experiment), std::move(engine), {}, std::nullopt, 1, std::move(source));
         options.max_ticks = max_ticks;
         options.controller = controller_factory(controllers);
         return std::make_unique<Batch>(std::move(options), seeds, threads, autoreset, of_worlds);

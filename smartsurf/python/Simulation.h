@@ -93,7 +93,7 @@ class Simulation {
     const Exclusive use(in_use_);
     recording_.stop(environment_);
   }
-  // With the targets of the next step.
+  // The saved state includes the targets of the next step.
   py::bytes save() {
     const Exclusive use(in_use_);
     send_targets();

@@ -10,7 +10,6 @@
 #include "common/text/Printable.h"
 #include "common/text/Words.h"
 #include "smartsurf/record/Recording.h"
-#include "smartsurf/record/SizeClasses.h"
 #include "smartsurf/record/TimeText.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
 
@@ -99,8 +98,13 @@ std::string lengths_text(std::span<const Extent> extents, const char* singular, 
   return concat(std::ranges::all_of(extents, &Extent::is_one) ? singular : plural, ' ', text, " u");
 }
 
-// "40: 20 'large' (sphere, radius 4 u), 20 'small' (box, size 1 × 5 × 1 u)". Solids have a width, the mean of
-// the horizontal edges of their bounding box.
+// The mean of the horizontal edges of the bounding box, u.
+double mean_width(const scene::Solid& solid) {
+  const Eigen::Vector3f edges = solid.bounds_max - solid.bounds_min;
+  return static_cast<double>(edges.x() + edges.y()) / 2.0;
+}
+
+// "40: 20 'large' (sphere, radius 4 u), 20 'small' (box, size 1 × 5 × 1 u)". Solids have a width.
 std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
   struct LabelGroup {
     std::map<std::string, bool> shapes;
@@ -113,7 +117,7 @@ std::string objects_text(const std::vector<scene::ObjectSpec>& catalogue) {
     LabelGroup& kind = kinds[object.label];
     kind.shapes[shape_name(object.shape)] = true;
     if (object.shape == scene::ShapeKind::kSolid)
-      kind.width[0].add(2.0 * object_size(object));
+      kind.width[0].add(mean_width(*object.solid));
     else if (object.shape != scene::ShapeKind::kBox)
       kind.radius[0].add(object.radius);
     else

@@ -1,5 +1,5 @@
-// Rotations between directions, and principal axes. Eigen's decompositions behind them are slow to compile,
-// so only this unit calls them.
+// Rotations between directions, and principal axes. Eigen's decompositions are slow to compile: only this
+// unit calls one, and its rotation between directions does without the singular values of Eigen's.
 #pragma once
 
 #include <Eigen/Core>

@@ -53,9 +53,8 @@ class Experiment {
   // True if start() runs on_reset.
   bool has_reset_hook() const;
 
-  // Call once before the first tick: runs on_reset, if the script has such a
-  // hook. `simulation` must hold the objects of scene() and outlive all calls of notify_departures, tick and
-  // finish. Throws as tick() does.
+  // Call once before the first tick: runs on_reset, if the script has such a hook. `simulation` must hold the
+  // objects of scene() and outlive all calls of notify_departures, tick and finish. Throws as tick() does.
   void start(SimulationInterface& simulation);
   // Call before tick(): runs on_leave, in order, for each object that left the table in the previous tick.
   // Skips objects that are no longer alive. Throws as tick() does.

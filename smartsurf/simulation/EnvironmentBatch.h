@@ -127,7 +127,7 @@ class EnvironmentBatch {
   // Null removes the observer, which must outlive its use.
   void observe_episodes(EpisodeObserver* observer) { observer_ = observer; }
 
-  // To call what changes a world between two steps.
+  // For changes to a world between two steps.
   Environment& mutable_world(int index) { return *worlds_[index].environment; }
 
   // The metrics of the last episode that ended in the world.

@@ -305,7 +305,6 @@ void write_page(const Recording& recording, const fs::path& path, const PageOpti
                                                          {"FRAMES", data},
                                                          {"LICENCE", three_licence()},
                                                          {"THREE", three_js()},
-                                                         {"ORBIT", orbit_controls_js()},
                                                          {"MECHANISMS", mechanisms_js()},
                                                          {"TABLE", table_js()},
                                                          {"PLOTS", plots_js()},

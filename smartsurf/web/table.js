@@ -1,7 +1,6 @@
 // The table and its objects in 3-D, with the legend, the inspection and the labels beside them: for the player of recordings
 // and for the live page, which have the same elements.
 import * as THREE from 'three';
-import { OrbitControls } from 'three/orbit';
 import { cellPlaces, makeMechanisms } from 'mechanisms';
 
 const byId = (id) => document.getElementById(id);
@@ -52,7 +51,7 @@ export function makeTable(scene, series, renderer, state) {
   const middle = new THREE.Vector3((edge('x', 1) + edge('x', -1)) / 2, (edge('y', 1) + edge('y', -1)) / 2, scene.low);
   const camera = new THREE.PerspectiveCamera(30, 1, size / 100, size * 20);
   camera.up.set(0, 0, 1);
-  const controls = new OrbitControls(camera, renderer.domElement);
+  const controls = new THREE.OrbitControls(camera, renderer.domElement);
   controls.maxPolarAngle = Math.PI / 2;
 
   // The vector from the target to the eye.

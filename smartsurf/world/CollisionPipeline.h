@@ -32,13 +32,15 @@ namespace smartsurf::world {
 
 class CollisionPipeline {
  public:
-  // `ground`: height of the infinite ground plane, u, or −infinity for none. `field` must outlive the
-  // pipeline.
-  CollisionPipeline(const surface::Field& field, float dt_s, int substeps, float ground)
+  // `ground`: height of the infinite ground plane, u, or −infinity for none. `gravity`: u/s². `field` must
+  // outlive the pipeline.
+  CollisionPipeline(const surface::Field& field, float dt_s, int substeps, float ground, float gravity)
       : field_(field),
         dt_s_(dt_s),
+        substep_s_(dt_s / static_cast<float>(substeps)),
         mean_substep_start_s_(mean_substep_start(dt_s, substeps)),
         ground_height_(ground),
+        gravity_(gravity),
         collider_(field),
         field_cache_(field) {}
 
@@ -157,8 +159,8 @@ class CollisionPipeline {
     int expected_pair = 0;         // see PreviousContacts::find_pair
     std::size_t end_of_pairs = 0;  // the most that the list of pairs may hold
     SupportPatches* supports = nullptr;
-    // Of several members: what is merged into the lists of the step, and where its contacts begin there. A
-    // single member finds everything in those lists.
+    // With several members: own contacts before the merge, and where they begin in the lists of the step. A
+    // single member writes into those lists.
     ContactList pair_contacts, static_contacts;
     std::int32_t first_pair_contact = 0, first_static_contact = 0;
     std::size_t pair_count = 0, static_count = 0, contact_count = 0;  // manifolds, and their contacts
@@ -193,6 +195,9 @@ class CollisionPipeline {
   void move_static_points(const BodyStore&, std::size_t body, std::span<Contact>) const;
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
                     SlabResults& results) const;
+  // Of the tops under a body on which they are springs, mass/s². `patch`: of the last step, in `previous`.
+  float greatest_elastic_stiffness(const BodyStore&, std::size_t body, const SupportPatches* previous,
+                                   std::int32_t patch, std::span<const Contact>) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);
   void collide_bodies_in_cells(const BodyStore&, IndexRange sorted, SlabResults& results) const;
   void collide_large_bodies(const BodyStore&, SlabResults& results) const;
@@ -214,9 +219,9 @@ class CollisionPipeline {
                     ContactList& to);
 
   const surface::Field& field_;
-  float dt_s_;
+  float dt_s_, substep_s_;
   float mean_substep_start_s_;
-  float ground_height_;
+  float ground_height_, gravity_;
   FieldCollider collider_;
   float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
   UniformGrid* grid_ = nullptr;  // of the thread that steps, from update_broadphase() to the end of the step
@@ -272,7 +277,7 @@ void CollisionPipeline::for_each_sleeper_in_reach(const BodyStore& bodies, std::
   sleeper_grid_.for_each_in_box(at - half, at + half, test);
   std::ranges::for_each(sleeper_grid_.large_bodies(), test);
   if (margin <= fast_margin_[body]) return;
-  // What lies in the way of a body that flies farther than its own size.
+  // Sleepers in the path of a body that flies farther than its own size.
   const Vec3 path = dt_s_ * bodies.velocity(body);
   const float length = std::max(path.squaredNorm(), 1e-20F);
   auto test_path = [&](std::int32_t sleeper) {

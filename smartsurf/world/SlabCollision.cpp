@@ -172,8 +172,12 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
   Manifold& manifold = results.static_contacts.manifolds.back();
   std::vector<Contact>& list = results.static_contacts.contacts;
   const auto contacts = std::span(list).subspan(manifold.first, field_contacts);
+  const SupportReference from = previous_support_of_body_[i];
+  const SupportPatches* const previous = from.slab < 0 ? nullptr : &previous_supports_[from.slab];
+  const float max_stiffness =
+      field_.has_elastic_tops ? greatest_elastic_stiffness(bodies, i, previous, from.patch, contacts) : 0.0F;
   if (!add_support_patch(field_, collider_.free_layout(), bodies, static_cast<std::int32_t>(i), margin,
-                         contacts, supports))
+                         max_stiffness, contacts, supports))
     return;
   SupportPatch& patch = supports.patches.back();
   if (patch.has_shares)
@@ -186,10 +190,28 @@ void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, flo
     contacts[point].partner = patch.is_elastic ? Partner::kElasticTop : Partner::kSupportedCell;
     if (patch.is_elastic) contacts[point].normal_impulse = 0.0F;
   }
-  const SupportReference from = previous_support_of_body_[i];
-  if (from.slab < 0) return;
-  const SupportPatches& previous = previous_supports_[from.slab];
-  match_support_patch(previous, previous.patches[from.patch], supports, patch);
+  if (previous) match_support_patch(*previous, previous->patches[from.patch], supports, patch);
+}
+
+// A load that would swing on its springs by more than about two radians in a substep compresses them by less
+// than a rigid contact lets it sink. It is as heavy as the body, or as what this bore in the last step.
+float CollisionPipeline::greatest_elastic_stiffness(const BodyStore& bodies, std::size_t i,
+                                                    const SupportPatches* previous, std::int32_t patch,
+                                                    std::span<const Contact> contacts) const {
+  constexpr float kRigidStiffness = 4.0F;  // × load / substep²
+  // So that a load that trembles does not alternate between the two laws.
+  constexpr float kHysteresis = 2.0F;
+  float load = 0.0F;  // impulse over the step
+  const SupportPatch* const last = previous ? &previous->patches[patch] : nullptr;
+  const bool was_elastic = last != nullptr && last->is_elastic;
+  if (was_elastic)
+    for (Index k = last->first; k < last->first + last->count; ++k) load += previous->samples.load[k];
+  else
+    for (const Contact& c : contacts)
+      load += std::max(0.0F, c.normal.z()) * c.normal_impulse * dt_s_ / substep_s_;
+  float mass = bodies.mass[i];
+  if (gravity_ > 0.0F) mass = std::max(mass, load / (gravity_ * dt_s_));
+  return (was_elastic ? kHysteresis : 1.0F) * kRigidStiffness * mass / (substep_s_ * substep_s_);
 }
 
 // The static bodies near a body. What it meets in the course of the step is found where it meets the first of

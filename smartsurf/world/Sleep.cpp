@@ -58,8 +58,8 @@ bool Sleep::is_fast(const BodyStore& b, std::size_t i) { return max_point_speed(
 void Sleep::wake(BodyStore& b, std::size_t i) {
   b.sleep_timer_s[i] = 0.0F;
   if (!b.asleep[i]) return;
-  // With the body those that joints connect with it or that lie on it: a sleeper among them would hold them
-  // like the table, and would not press on them.
+  // Wakes also the bodies connected by joints or lying on it: a sleeper among them would hold them like the
+  // table, and would not press on them.
   std::size_t reached = woken_.size();
   wake_alone(b, static_cast<std::int32_t>(i));
   for (; reached < woken_.size(); ++reached) {
@@ -303,7 +303,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   rest_loads_.balance(b, fallen_, pair_contacts, contacts_);
 }
 
-// What is placed may lie still on sleepers at once: these, and those that bear them, would not feel it.
+// A placed body may rest on sleepers at once: they, and those that bear them, would not feel it.
 void Sleep::wake_where_placed(BodyStore& b, const ContactList& pair_contacts) {
   if (placed_.empty()) return;
   const auto is_placed = [this](std::int32_t i) { return std::ranges::find(placed_, i) != placed_.end(); };

@@ -1,13 +1,12 @@
 // Puts resting bodies to sleep and wakes them again.
 //
-// A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, its
-// velocity has hardly changed meanwhile (a body that starts to slide or roll is slow too, one that swings on
-// elastic tops has a mean velocity of 0), and the same holds for all that it touches, has a joint with, or
-// lies on at whatever height. A sleeping body has zero inverse
-// mass in the solver and is not simulated; its contacts are kept with their impulses. It wakes when a cell
-// under or beside it moves, when a neighbour moves, or when a body wakes on which it lies. A wrench on one of
-// its island, an imminent hit by a fast body, a body placed against it, or the removal of a neighbour wakes
-// the island.
+// A body falls asleep when it has been nearly still for kTimeToSleep_s on cells that do not move, and its
+// velocity has hardly changed meanwhile: a body that starts to slide or roll is slow too, and one that swings
+// on elastic tops has a mean velocity of 0. All that it touches, has a joint with or lies on, at whatever
+// height, must be as still. A sleeping body has zero inverse mass in the solver and is not simulated; its
+// contacts are kept with their impulses. It wakes when a cell under or beside it moves, when a neighbour
+// moves, or when a body wakes on which it lies. A wrench on one of its island, an imminent hit by a fast
+// body, a body placed against it, or the removal of a neighbour wakes the island.
 //
 // Not thread-safe except where a function says so.
 #pragma once

@@ -26,7 +26,7 @@ TEST(FreeFall, ErrorIsProportionalToStep) {
   EXPECT_NEAR(coarse / fine, 4.0, 0.3);
 }
 
-// What a body moves in a step may be less than the last bit of its position.
+// A body's motion in a step may be less than the last bit of its position.
 TEST(FreeMotion, SlowBodyFarAwayKeepsItsSpeed) {
   for (const double dt_s : {1.0 / 60, 1.0 / 240, 1.0 / 960})
     for (const double away : {200.0, 900.0})

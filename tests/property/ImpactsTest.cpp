@@ -93,7 +93,7 @@ TEST(Impact, BlowTravelsThroughRowOfBalls) {
   for (const double dt_s : kSteps_s)
     for (const double gap : {0.0, 1e-3, 0.1})
       for (const double e : {1.0, gap > 0.01 ? 1.0 : 0.8, gap > 0.01 ? 1.0 : 0.5})
-        // With wide gaps the order of the collisions, and with it the result, is another.
+        // Wide gaps change the order of the collisions, and with it the result.
         for (const auto& speeds : {std::vector<double>{4, 0, 0, 0, 0}, {4, 4, 0, 0, 0}, {4, 4, 4, 0, 0}}) {
           const Row row{std::vector<double>(speeds.size(), 1.0), speeds, gap};
           const auto actual = row.simulate(dt_s, e), predicted = collide_by_pairs(speeds, e);

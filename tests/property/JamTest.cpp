@@ -143,7 +143,7 @@ class Jam {
   long step_ = 0;
 };
 
-// What no jam exceeds, for a step of dt_s.
+// Upper bound of all jams, for a step of dt_s.
 struct DepthBound {
   double dt_s;
   int seeds;

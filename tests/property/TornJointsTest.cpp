@@ -143,7 +143,7 @@ TEST_P(TornJoints, TreesComeTogetherSlowly) {
   }
 }
 
-// What puts them right leaves no speed, and then they move as if they had never been apart.
+// The correction leaves no speed: then they move as if they had never been apart.
 TEST_P(TornJoints, PairsKeepTheirMomentum) {
   if (on_bullet()) GTEST_SKIP() << "what Bullet corrects moves on";
   for (unsigned seed = 0; seed < (GetParam() < 0.002 ? 6 : 24); ++seed) {

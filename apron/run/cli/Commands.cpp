@@ -217,7 +217,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     const int exit = exit_status(ran.status, ran.error, options);
     if (!ran.save_error.empty())
       return std::max<int>(exit, print_error(common::kFailed, "error: " + ran.save_error));
-    // What the program may have spoilt is not written, as its own error says.
+    // A profile that the program may have overwritten is withheld; its own error says so.
     const bool written = options.profile.empty() || common::withheld(options.profile) ||
                          write_profile(program, ran.profile, ran.ticks, model, options);
     return written ? exit : std::max<int>(exit, common::kFailed);

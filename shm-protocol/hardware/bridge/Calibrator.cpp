@@ -156,7 +156,7 @@ void Calibrator::enter(Phase phase, const TableTick& tick) {
   settling_since_.reset();
 }
 
-// What the coming answer commands, as a fraction of the range.
+// The command of the next answer, as a fraction of the range.
 double Calibrator::level() const {
   if (phase_ == Phase::kApproach) return kBelow;
   if (phase_ == Phase::kDown) return kLowest;

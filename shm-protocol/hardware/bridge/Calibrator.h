@@ -39,8 +39,8 @@ class Stillness {
 };
 
 // Commands in force and readings are known by the boards' own ticks. Where they are not, because the host was
-// suspended, a board silent or its safe values in effect, the readings are left out until the cells have been
-// driven through their range, which makes them forget what happened, and the plan goes on from before that.
+// suspended, a board silent or its safe values in effect, readings are discarded until a full stroke has
+// reset the cells' state; then the plan resumes from before that.
 class Calibrator final : public TableDriver {
  public:
   Calibrator(const TableSpec&, CalibratorOptions);

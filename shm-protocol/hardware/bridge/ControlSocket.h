@@ -9,8 +9,8 @@
 
 namespace hardware {
 
-// What a command answers. `then` is done after that, and only if it arrives: a process that has given up, or
-// has ended, has told its user that nothing was done.
+// The answer to a command. `then` runs after the answer has arrived: a caller that has given up or ended has
+// told its user that nothing was done.
 struct ControlAnswer {
   std::string text;
   std::function<void()> then = {};

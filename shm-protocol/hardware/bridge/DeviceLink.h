@@ -108,7 +108,6 @@ class DeviceLink {
   // nearest raw value within it.
   void write_frame(std::uint32_t tick, std::span<const float> values, std::vector<std::uint8_t>& to);
 
-  std::size_t sensor_elements() const { return sensor_elements_; }
   std::size_t actuator_elements() const { return actuator_elements_; }
 
   std::uint64_t damaged_packets() const { return receiver_.damaged; }

@@ -47,8 +47,8 @@ class EmergencyStop {
     reason_ = 0;
     cause_.clear();
   }
-  // What a board needs whose newest frame has this number and these flags (SSW_STOPPED): SSW_STOP_NOW,
-  // SSW_ARM or 0. Its report of an own stop stops all.
+  // The flag for a board whose newest frame has this number and these flags (SSW_STOPPED): SSW_STOP_NOW,
+  // SSW_ARM or 0. A board that reports a stop of its own stops all.
   std::uint8_t packet_for(std::uint32_t flags, std::uint64_t frame, std::uint32_t period_us, Release& release,
                           const std::string& board) {
     const bool stopped = (flags & SSW_STOPPED) != 0, is_over = release.note_frame(frame, period_us);

@@ -150,7 +150,7 @@ PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
     throw std::invalid_argument("--baud: " + std::to_string(baud) + " is not a usual speed; " + kUsualSpeeds);
   if (text.empty()) throw std::invalid_argument("the device is missing: a serial line or tcp:HOST:PORT");
   if (!text.starts_with("tcp:")) {
-    // What is not there yet may be plugged in later.
+    // A missing device may be plugged in later.
     std::error_code none;
     const auto is = std::filesystem::status(text, none).type();
     if (is == std::filesystem::file_type::directory || is == std::filesystem::file_type::regular)

@@ -14,7 +14,7 @@ namespace hardware {
 struct PortAddress {
   std::string text;
   std::string host, service;  // tcp; empty for a terminal
-  // Of this computer, tcp; 0: any. A device that still holds a connection, which its network has cut, gives
+  // The local port for tcp; 0: any. A device that still holds a connection, which its network has cut, gives
   // it up when the next one comes from the same port.
   std::uint16_t local_port = 0;
   unsigned baud = 115200;

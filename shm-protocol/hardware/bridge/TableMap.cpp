@@ -92,7 +92,7 @@ void compare_cells(const DeviceDescription& before, const DeviceDescription& aft
       change.compare("position of cell " + std::to_string(i), before.positions[i], after.positions[i]);
 }
 
-// What makes another board of it; limits and program may change.
+// The difference that makes it another board, "" if none; limits and program may change.
 std::string change_between(const DeviceDescription& before, const DeviceDescription& after) {
   Change change;
   change.compare("id", before.id, after.id);

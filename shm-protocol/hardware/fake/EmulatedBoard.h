@@ -43,8 +43,8 @@ class EmulatedBoard {
   void carry();
   // A period that is held when it is over goes on for a whole period, so that the board keeps its phase.
   void hold_period(bool held) { is_held_ = held; }
-  // Whether the frame that the board sent last has its answer, or gets none: the board does not run, or
-  // follows nobody yet.
+  // True if the board's last frame has been answered, or will not be: the board does not run, or follows
+  // nobody yet.
   bool has_answer() const;
   // When step() has something to do again, unless the host sends something.
   Time next_event() const;

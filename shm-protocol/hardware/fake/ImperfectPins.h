@@ -26,7 +26,7 @@ class ImperfectPins {
   void reset();
   // One period under these commands.
   void advance(std::span<const float> commands);
-  // What the sensor of a cell says now.
+  // The present reading of a cell's sensor.
   double read(std::size_t cell);
 
   // The cells as lines of CSV, without a header: row, column, and the fields above from `zero` to `state`.

@@ -31,8 +31,8 @@ class LivenessLock {
   // False if another process holds it. True, too, where the system has no such locks.
   bool take(Side) noexcept;
   void release() noexcept;
-  // True if the process of that side, not this object's own, is alive: by the lock, if
-  // that process was ever seen to hold it, otherwise by the process word.
+  // True if the process of that side, not this object's own, is alive: by the lock, if that process was ever
+  // seen to hold it, otherwise by the process word.
   bool is_alive(Side, ProcessIdentity) noexcept;
 
  private:

@@ -20,7 +20,7 @@ constexpr std::uint32_t kMaxComponents = 64;
 
 std::uint64_t round_up(std::uint64_t value, std::uint64_t unit) { return (value + unit - 1) / unit * unit; }
 
-// For a message: nothing in it reaches a terminal as a control sequence.
+// The text in quotes, with control characters as '?', so that it is safe on a terminal.
 std::string quoted(const std::string& text) {
   std::string out = "\"";
   for (const char c : text) out += c >= ' ' && c <= '~' ? c : '?';

@@ -78,7 +78,7 @@ class Window:
     def show(self, simulation: Simulation) -> bool: ...
 
 class Batch:
-    def __init__(self, experiment: str, engine: str, overrides: Pairs, seeds: Sequence[int], threads: int, autoreset: int,
+    def __init__(self, experiment: str, engine: str, seeds: Sequence[int], threads: int, autoreset: int,
                  max_ticks: int | None, of_worlds: Sequence[Pairs], source: str | None,
                  controllers: object) -> None: ...
     @property

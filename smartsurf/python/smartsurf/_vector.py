@@ -123,8 +123,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             worlds, interval = _parameters.world_numbers(record_worlds, num_envs), whole("record_every", record_every, 1)
             self._recording = (folder_of_episodes(record, "world-[0-9]*-episode-[0-9]*.h5"), shlex.join(sys.argv), worlds, interval,
                                [overrides(options) for options in of_worlds])
-        self._batch = _core.Batch(path_text(experiment), engine_name(engine), [],
-                                  seeds, threads, _AUTORESET[autoreset_mode], max_episode_steps,
+        self._batch = _core.Batch(path_text(experiment), engine_name(engine), seeds, threads,
+                                  _AUTORESET[autoreset_mode], max_episode_steps,
                                   [overrides(options) for options in of_worlds], source, controllers)
         self._description = d = self._batch.describe()
         self.rows: int = d["rows"]

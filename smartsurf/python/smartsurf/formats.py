@@ -375,7 +375,7 @@ def write_mcap(model: Model, path: pathlib.Path) -> None:
     for mesh in model.meshes:
         vertices = points(mesh.points)
         corners.append([vertices[i] for i in mesh.triangles.reshape(-1).tolist()])
-    # Of each node: its frame, the name space and number of its marker, when that is written, and the node.
+    # For each node: its frame, name space and number of its marker, the times at which that is written, and the node.
     objects = [(name, "objects", index, _changes(node.scale), node)
                for index, (name, node) in enumerate(_names([node for node in model.nodes if node.is_object]))]
     cells, boxes = [], []

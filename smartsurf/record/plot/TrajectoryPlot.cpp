@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
 
-#include "smartsurf/record/SizeClasses.h"
 #include "smartsurf/scene/SurfaceBounds.h"
 
 namespace smartsurf::record {
@@ -157,38 +155,22 @@ TrajectoryPlot::Legend TrajectoryPlot::legend() const {
   return {columns, groups_.size(), all};
 }
 
-// Groups by label if there are labels, otherwise by size class.
+// Groups by label; objects without one are the last group.
 void TrajectoryPlot::find_groups() {
-  const std::vector<SizeClass> classes = classify_objects(spec_.objects);
-  std::set<std::string> labels;
-  for (const scene::ObjectSpec& object : spec_.objects)
-    if (!object.fixed && !object.label.empty()) labels.insert(object.label);
-  const bool has_size_classes =
-      labels.empty() &&
-      std::any_of(classes.begin(), classes.end(), [](SizeClass c) { return c != SizeClass::kNone; });
-
-  std::map<std::string, Group, decltype(&is_naturally_less)> groups(&is_naturally_less);
-  for (std::size_t i = 0; i < classes.size(); ++i) {
-    if (spec_.objects[i].fixed) continue;
-    std::string name = spec_.objects[i].label;
-    if (name.empty())
-      name = !labels.empty()                   ? "unlabelled"
-             : !has_size_classes               ? "objects"
-             : classes[i] == SizeClass::kSmall ? "small"
-                                               : "large";
-    Group& group = groups[name];
-    group.name = name;
-    group.mean_size += object_size(spec_.objects[i]);
+  std::map<std::string, Group, decltype(&is_naturally_less)> labelled(&is_naturally_less);
+  Group unlabelled;
+  for (std::size_t i = 0; i < spec_.objects.size(); ++i) {
+    const scene::ObjectSpec& object = spec_.objects[i];
+    if (object.fixed) continue;
+    Group& group = object.label.empty() ? unlabelled : labelled[object.label];
+    group.name = object.label;
     group.objects.push_back(i);
   }
-  for (auto& [name, group] : groups) {
-    group.mean_size /= static_cast<double>(group.objects.size());
-    groups_.push_back(std::move(group));
+  for (auto& [label, group] : labelled) groups_.push_back(std::move(group));
+  if (!unlabelled.objects.empty()) {
+    unlabelled.name = groups_.empty() ? "objects" : "unlabelled";
+    groups_.push_back(std::move(unlabelled));
   }
-  std::stable_sort(groups_.begin(), groups_.end(), [](const Group& a, const Group& b) {
-    const bool a_last = a.name == "unlabelled", b_last = b.name == "unlabelled";
-    return a_last != b_last ? b_last : static_cast<float>(a.mean_size) < static_cast<float>(b.mean_size);
-  });
   set_styles();
 }
 

@@ -1,9 +1,8 @@
-// Plots the trajectory of every object from above, as in Fig. 9 of the paper: solid lines for small and
-// dashed lines for large objects, O at the start and X at the end. Internal to this module.
+// Plots the trajectory of every object from above, as in Fig. 9 of the paper, with O at the start and X at
+// the end. Internal to this module.
 //
-// Each size class (SizeClasses.h) or label has its own line style, in order of mean size, then of names in
-// natural order. The lines have the objects' colours where these tell the groups apart. `fixed` objects are
-// not drawn.
+// Each label has its own line style, in the natural order of the labels. The lines have the objects' colours
+// where these tell the groups apart. `fixed` objects are not drawn.
 #pragma once
 
 #include <array>
@@ -27,7 +26,6 @@ class TrajectoryPlot final : public Figure {
 
   struct Group {
     std::string name;
-    double mean_size = 0.0;  // u
     LineStyle style;
     std::vector<std::size_t> objects;  // ids
   };

@@ -95,8 +95,7 @@ class Interpreter {
     Interpreter& interpreter_;
     lua_State* caller_;
   };
-  // From here to the end of the scope the call is in an operation of which `overrun` is the message, with
-  // file and line, if it takes too long.
+  // A scope within which a call that takes too long fails with the message `overrun`, with file and line.
   class NamedOperation {
    public:
     NamedOperation(Interpreter& interpreter, std::string overrun);

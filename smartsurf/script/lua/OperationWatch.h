@@ -21,7 +21,7 @@ class OperationWatch {
   OperationWatch(const OperationWatch&) = delete;
   OperationWatch& operator=(const OperationWatch&) = delete;
 
-  // From here on the calling thread is in an operation that may take `limit_s` of its processor time.
+  // Begins an operation that may take `limit_s` of the calling thread's processor time.
   void begin(double limit_s) noexcept;
   // It has ended, and another begins.
   void next() noexcept { serial_.fetch_add(1, std::memory_order_release); }

@@ -151,7 +151,7 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
   return std::nullopt;
 }
 
-// What lies below the skin belongs to it. Traverses the rectangles of nodes one by one, in which its height
+// A hit below the skin is one of the skin. Traverses the rectangles of nodes one by one, in which its height
 // is linear on either side of the diagonal from the north-west to the south-east. The hit is on the cell with
 // the nearest centre.
 std::optional<PickHit> pick_skin(const Ray& ray, const scene::SurfaceSpec& s,

@@ -298,7 +298,6 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   if (surface_.skin) update_skin(snapshot);
 }
 
-// The exact order of the two rotations does not matter for a visual cue.
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::ActuatorSpec& spec) {
   const float radius = std::min(float_parameter(spec, "radius"), 0.5F * top_edge_);
   const std::size_t mesh = add_mesh(ball_mesh(segments_), Vec::Constant(radius));

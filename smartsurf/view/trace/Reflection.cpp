@@ -62,7 +62,7 @@ Reflection::Value Reflection::evaluate(const Vec& in) const {
     value.density = mirror_share_ * d / (4.0F * out_.z() * (1.0F + hidden_out));
   }
   value.density += (1.0F - mirror_share_) * in.z() / kPi;
-  // What the microfacets reflect does not reach the diffuse part, on the way in and on the way out.
+  // Light reflected by the microfacets is lost to the diffuse part, on the way in and on the way out.
   value.all =
       value.mirrored +
       diffuse_.cwiseProduct((Vec::Ones() - fresnel(in.z())).cwiseProduct(Vec::Ones() - fresnel(out_.z()))) *

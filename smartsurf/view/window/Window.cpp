@@ -272,7 +272,7 @@ bool Window::State::read_sizes() {
   return true;
 }
 
-// From the panels that are shown, so that the scene is drawn and framed beside them.
+// Lays out the panels that are shown; the scene is drawn and framed beside them.
 void Window::State::update_layout() {
   const DockContents contents{.panels = controls.panels_shown(),
                               .inspector = controls.tools().selected().has_value(),

@@ -53,8 +53,8 @@ struct Contact {
   // When the point is at the anchor, from the start of the step (narrowphase/RollingPoints.h); negative while
   // it is to be moved there (narrowphase/PairContacts.h).
   float anchor_time_s = 0.0F;
-  // What the partner's surface gains on a's at a point that rolls (narrowphase/RollingPoints.h), u/s².
-  // `surface_velocity` is then that at the start of the step, on which the surfaces pass each other there.
+  // Acceleration of the partner's surface relative to a's at a rolling point (narrowphase/RollingPoints.h),
+  // u/s². `surface_velocity` is then that at the start of the step, on which the surfaces pass each other.
   Vec3 surface_acceleration{0, 0, 0};
 
   bool touches_cell() const { return partner == Partner::kCell || partner == Partner::kSupportedCell; }

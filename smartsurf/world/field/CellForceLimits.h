@@ -43,8 +43,9 @@ class CellForceLimits {
   // One per static contact; empty if no cell has a force limit.
   std::span<CellImpulseLimit> limits() { return limits_; }
 
-  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each cell that gives all
-  // that it can to the velocity of the bodies on it, and of others so far that they do not rise into these.
+  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each saturated cell to
+  // the velocity of the bodies on it, and caps that of other cells so that they do not rise into those
+  // bodies.
   void yield_overloaded_cells(const BodyStore&, const ContactList& static_contacts, float dt_s,
                               surface::Field&);
 

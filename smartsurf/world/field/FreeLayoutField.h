@@ -35,8 +35,7 @@ class FreeLayoutField {
   Column column(std::size_t cell, const Vec3& low, const Vec3& high, float gap_entered) const;
 
  private:
-  // A stretch of a side, along it from its middle: a top is across, or there is none between two such
-  // stretches.
+  // An interval of a cell's side, measured from the side's midpoint: it faces one other top or none.
   struct Stretch {
     float begin, end;          // u
     float gap_begin, gap_end;  // distance across at both ends, u

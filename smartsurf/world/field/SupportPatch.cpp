@@ -584,6 +584,15 @@ void add_outliers(const SupportPatch& patch, const SupportPatches& list, std::sp
   }
 }
 
+// Of the elastic tops that would bear the face if they were rigid.
+float stiffness_under(const BearingContacts& bearing, std::span<const Sample> samples) {
+  float stiffness = 0.0F;
+  for (const Sample& s : samples)
+    if (s.separation <= bearing.min_separation + kSeparationTolerance)
+      stiffness += s.weight * bearing.field.tip_at(s.cell).stiffness;
+  return stiffness;
+}
+
 // Finds out if the cells move, and if they do as one belt.
 void set_motion(const surface::Field& field, std::span<const Sample> samples, SupportPatch& patch) {
   patch.belt_x = samples[0].velocity_x, patch.belt_y = samples[0].velocity_y;
@@ -643,7 +652,7 @@ void SupportPatches::clear() {
 }
 
 bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout,
-                       const BodyStore& bodies, std::int32_t body, float margin,
+                       const BodyStore& bodies, std::int32_t body, float margin, float max_stiffness,
                        std::span<const Contact> contacts, SupportPatches& out) {
   const Shape& shape = *bodies.shape[body];
   const Vec3 &centre = bodies.position[body], origin = bodies.origin(body);
@@ -653,8 +662,9 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
   SupportPatch& patch = out.patches.emplace_back();
   patch.body = body;
-  patch.is_elastic = std::ranges::any_of(
-      contacts, [&](const Contact& c) { return is_upright(c) && field.is_elastic(c.feature_id); });
+  patch.is_elastic = max_stiffness > 0.0F && std::ranges::any_of(contacts, [&](const Contact& c) {
+                       return is_upright(c) && field.is_elastic(c.feature_id);
+                     });
   patch.has_shares = field.has_force_limit() && !patch.is_elastic;
   const bool has_limits = field.has_contacts_per_cell();
   BearingContacts bearing = bearing_contacts(field, contacts, margin);
@@ -700,6 +710,11 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
       add_samples(field, f, centre, bearing, samples);
   });
   if (footprints > 1) merge_cells(patch.is_elastic, samples);
+  if (patch.is_elastic && stiffness_under(bearing, samples) > max_stiffness) {
+    out.points.resize(patch.first_point);
+    out.patches.pop_back();
+    return add_support_patch(field, free_layout, bodies, body, margin, 0.0F, contacts, out);
+  }
   patch.count = static_cast<std::int32_t>(samples.size());
   if (!patch.has_shares && !patch.is_elastic) add_outliers(patch, out, contacts, bearing, samples);
   patch.outlier_count = static_cast<std::int32_t>(samples.size()) - patch.count;
@@ -730,7 +745,7 @@ void match_support_patch(const SupportPatches& previous, const SupportPatch& fro
       if (i < end && previous.samples.cell[i] == current.samples.cell[k]) each(i, k);
     }
   };
-  if (to.is_elastic)
+  if (to.is_elastic && from.is_elastic)
     for_each_common([&](Index i, Index k) { current.samples.load[k] = previous.samples.load[i]; });
   if (from.is_lumped) {
     std::copy_n(from.friction_sum, 3, to.friction_sum);

@@ -12,7 +12,7 @@
 // and the points take over these loads.
 //
 // Elastic tops are springs of finite stiffness: N_i follows from how deep the face is in the top's corners,
-// and the points bear nothing (solver/SupportSprings.h).
+// and the points bear nothing (solver/SupportSprings.h). Tops that are too stiff for the step are rigid.
 #pragma once
 
 #include <array>
@@ -135,10 +135,11 @@ struct SupportPatches {
 };
 
 // Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a
-// rectangular field. `contacts`: of the body with the field. Returns whether a patch was added.
+// rectangular field. `contacts`: of the body with the field. Elastic tops that under the face are together
+// stiffer than `max_stiffness`, mass/s², are rigid ones. Returns whether a patch was added.
 bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const BodyStore&,
-                       std::int32_t body, float margin, std::span<const Contact> contacts,
-                       SupportPatches& out);
+                       std::int32_t body, float margin, float max_stiffness,
+                       std::span<const Contact> contacts, SupportPatches& out);
 
 // Removes the last patch's points on cells that the face does not cover but only touches at its rim, because
 // such cells bear nothing. Calls remove(k) for each; k is the contact's index in the list without those

@@ -51,6 +51,13 @@ bool is_near(const ConvexPart& part, const Vec3& local, float reach) {
   return (hull.bounds_min - local).cwiseMax(local - hull.bounds_max).maxCoeff() <= reach;
 }
 
+// A bound of |p| for the points that are near.
+float greatest_near_distance(const ConvexPart& part, float reach) {
+  if (part.hull == nullptr) return (part.shape.half_extents + Vec3::Constant(reach)).norm();
+  const scene::ConvexHull& hull = *part.hull->hull;
+  return (hull.bounds_max.cwiseAbs().cwiseMax(hull.bounds_min.cwiseAbs()) + Vec3::Constant(reach)).norm();
+}
+
 bool are_same(const ConvexPart& a, const ConvexPart& b) { return &a.shape == &b.shape && a.hull == b.hull; }
 
 template <class Visit>
@@ -94,12 +101,28 @@ bool is_covered(std::span<const Solid> solids, IsOwn is_own, const Plane& plane)
   return found;
 }
 
+// False if fewer than two parts come so near the point that one may continue a face of another there.
+bool may_be_internal(std::span<const Solid> solids, const Vec3& point) {
+  constexpr float kRounding = 2e-3F;  // u
+  float reach = 0.0F;
+  for_each_solid_part(solids, [&](std::size_t, const ConvexPart& part) {
+    reach = std::max(reach, edge_depth(part) + kProbes[2] + kLevel + kRounding);
+  });
+  int near = 0;
+  for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
+    if (near < 2)
+      near += static_cast<int>(is_near(part, solids[i].axes.transpose() * (point - solids[i].centre), reach));
+  });
+  return near >= 2;
+}
+
 // The plane in which a contact at `point`, with the unit normal out of the solids, lies; none if it is no
 // internal edge. Of several, one that no part covers, and that nearest to the contact's normal, or to its
 // point.
 std::optional<Plane> plane_of(std::span<const Solid> solids, const Vec3& point, const Vec3& normal) {
   constexpr float kSameCosine = 1e-4F;
   std::optional<Plane> found;
+  if (!may_be_internal(solids, point)) return found;
   float best_cosine = 0.0F, best_distance = 0.0F;
   bool is_best_covered = false;
   for_each_solid_part(solids, [&](std::size_t i, const ConvexPart& part) {
@@ -177,6 +200,14 @@ bool may_continue(const Shape& shape, const Vec3& local) {
     found = found || is_near(part, local, kProbes[2] + edge_depth(part));
   });
   return found;
+}
+
+float greatest_continued_distance(const Shape& shape) {
+  float greatest = 0.0F;
+  for_each_part(shape, [&](const ConvexPart& part) {
+    greatest = std::max(greatest, greatest_near_distance(part, kProbes[2] + edge_depth(part)));
+  });
+  return greatest;
 }
 
 void mark_internal_edges(std::span<const Solid> solids, bool are_b, const Shape& body, const Mat3& axes,

@@ -29,6 +29,8 @@ inline constexpr float kSpareSeparation = std::numeric_limits<float>::infinity()
 
 // True if a face of the shape may continue that of another one at a point in its axes.
 bool may_continue(const Shape&, const Vec3& point);
+// Bounds the distance from the origin of the points at which it may, u.
+float greatest_continued_distance(const Shape&);
 // A single convex part has no internal edges.
 bool may_have_internal_edges(std::span<const Solid>);
 // Gives contacts on internal edges the normal of the plane, or marks them as spare if another

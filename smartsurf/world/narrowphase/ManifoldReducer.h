@@ -29,9 +29,9 @@ class ReductionPoints {
   int deepest() const;
   static constexpr int kMaxSelected = 8;
   // Selects four at first: the deepest, the farthest from it, the farthest from their line, and the one that
-  // extends the area most. Then those that extend it on the sides that load_point(), where the load acts, is
-  // not well within, because a body that lies on too small an area rocks, on other points in each step; on
-  // all sides if it returns std::nullopt. Then the deepest ones whose normals, normal(i), are unlike those of
+  // extends the area most. Then those that extend the polygon on the sides near load_point(), where the load
+  // acts, because a body on too small a polygon rocks, on other points in each step; on all sides if it
+  // returns std::nullopt. Then the deepest ones whose normals, normal(i), are unlike those of
   // all selected: a body that is wedged must be held from all sides. Returns their number.
   template <class Normal, class LoadPoint>
   int select(int (&chosen)[kMaxSelected], Normal normal, LoadPoint load_point);

@@ -50,6 +50,12 @@ Vec3 point_offset(const RelativePose& pose, const PairManifoldCache::CachedPoint
   return pose.rotation * p.on_a + pose.translation - p.on_b;
 }
 
+// Eigen's product, which rounds alike, goes through a temporary that is copied in other sizes than it was
+// written: each copy waits for the stores.
+void turn(const Mat3& axes, const Vec3& from, Vec3& to) {
+  for (int i = 0; i < 3; ++i) to[i] = axes(i, 0) * from[0] + (axes(i, 1) * from[1] + axes(i, 2) * from[2]);
+}
+
 // True if the tangential motion exceeds `limit` at any cached point. Each pair of points was aligned along
 // its normal when cached.
 bool has_slipped(const RelativePose& pose, const PairManifoldCache::CachedManifold& cached, float limit) {
@@ -168,40 +174,47 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
                                                      std::vector<Contact>& out) const {
   const RelativePose pose(bodies, a, b);
   const CachedManifold* cached = find(a, b, chunk_cache);
-  SimplexCache simplex_cache;
-  if (cached && cached->simplex_cache) simplex_cache = *cached->simplex_cache;
   const bool is_kept = cached && is_valid(bodies, pose, *cached, margin);
-  if (is_kept)
-    chunk_cache.manifolds.push_back(*cached);
-  else
-    chunk_cache.manifolds.emplace_back();
-  CachedManifold& manifold = chunk_cache.manifolds.back();
   const auto first_point = static_cast<std::int32_t>(chunk_cache.points.size());
+  const auto next_simplex = static_cast<std::int32_t>(chunk_cache.simplices.size());
   if (is_kept) {
+    chunk_cache.manifolds.push_back(*cached);
     chunk_cache.points.insert(chunk_cache.points.end(), cached->points, cached->points + cached->point_count);
+    if (cached->simplex_cache) chunk_cache.simplices.push_back(*cached->simplex_cache);
   } else {
+    chunk_cache.manifolds.emplace_back();
+    CachedManifold& manifold = chunk_cache.manifolds.back();
     manifold.a = static_cast<std::int32_t>(a);
     manifold.b = static_cast<std::int32_t>(b);
     manifold.rotation = pose.rotation;
     manifold.translation = pose.translation;
+    SimplexCache simplex_cache;
+    if (cached && cached->simplex_cache) simplex_cache = *cached->simplex_cache;
     const bool was_touching = cached && cached->point_count > 0;
     const Vec3 cached_normal = was_touching ? Vec3(bodies.axes[b] * cached->points->normal) : Vec3::Zero();
     rebuild(bodies, margin, was_touching ? &cached_normal : nullptr, simplex_cache, manifold, chunk_cache);
+    if (simplex_cache.count > 0) chunk_cache.simplices.push_back(simplex_cache);
   }
+  CachedManifold& manifold = chunk_cache.manifolds.back();
   manifold.first_point = first_point;
-  manifold.simplex = simplex_cache.count > 0 ? static_cast<std::int32_t>(chunk_cache.simplices.size()) : -1;
-  if (simplex_cache.count > 0) chunk_cache.simplices.push_back(simplex_cache);
+  manifold.simplex = next_simplex < std::ssize(chunk_cache.simplices) ? next_simplex : -1;
   constexpr int kMaxKnown = 32;
   Points points{0, manifold.point_count <= kMaxKnown ? manifold.touching : 0, manifold.gap};
+  // Not the copies: reading what was just written in other sizes waits for the stores.
+  const CachedPoint* const cached_points = is_kept ? cached->points : chunk_cache.points.data() + first_point;
+  const Vec3 origin_a = bodies.origin(a), origin_b = bodies.origin(b);
   for (int k = 0; k < manifold.point_count; ++k) {
-    const CachedPoint& p = chunk_cache.points[first_point + k];
+    const CachedPoint& p = cached_points[k];
     const float separation = p.normal.dot(point_offset(pose, p));
     if (separation > margin) continue;
     Contact& c = out.emplace_back();
-    c.normal = bodies.axes[b] * p.normal;
-    c.anchor = follows_b(bodies, a, b, c.normal)
-                   ? Vec3(bodies.origin(b) + bodies.axes[b] * p.on_b - bodies.origin(a))
-                   : Vec3(bodies.axes[a] * p.on_a);
+    turn(bodies.axes[b], p.normal, c.normal);
+    if (follows_b(bodies, a, b, c.normal)) {
+      turn(bodies.axes[b], p.on_b, c.anchor);
+      for (int i = 0; i < 3; ++i) c.anchor[i] = origin_b[i] + c.anchor[i] - origin_a[i];
+    } else {
+      turn(bodies.axes[a], p.on_a, c.anchor);
+    }
     c.separation = separation;
     c.twist_friction_loss = manifold.twist_friction_loss;
     points.touching |= std::uint32_t{1} << (k % kMaxKnown);

@@ -29,9 +29,9 @@ class PairSweep {
   // The time from the start of the step, s; kNever if they do not meet. Parts that touch each other at the
   // start and do not approach are left out.
   float time_of_impact() const;
-  // The time at which parts overlap that did not at the start, by more than contacts that hold let them;
-  // kNever if none do. `are_pierced`: parts that overlap so far at the start that their sides are unknown,
-  // and which have no such time.
+  // The first time at which parts that were separate at the start overlap by more than resting contacts
+  // allow; kNever if none do. `are_pierced`: parts overlap so far at the start that their sides are unknown;
+  // they have no such time.
   struct Overlap {
     float time_s = kNever;
     bool are_pierced = false;

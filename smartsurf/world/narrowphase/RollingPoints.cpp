@@ -3,6 +3,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
+
+#include "smartsurf/world/body/VectorRow.h"
 
 namespace smartsurf::world {
 namespace {
@@ -33,10 +36,10 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   const float from_axis = (from_origin - along * axis).norm();
   if (from_axis > kNear * shape.radius) return {};
   // On an edge or a corner of what it touches the normal is not across the axis.
-  const Vec3 generatrix = (axis - normal_along * normal).normalized();
+  const auto generatrix = [&] { return Vec3((axis - normal_along * normal).normalized()); };
   if (shape.kind == scene::ShapeKind::kCapsule) {
     const float end = std::max(0.0F, shape.high - shape.radius);
-    if (std::abs(along) < end) return {1.0F / shape.radius, generatrix};
+    if (std::abs(along) < end) return {1.0F / shape.radius, generatrix()};
     return {1.0F / shape.radius};
   }
   const Vec3 across = normal - normal_along * axis;
@@ -57,19 +60,19 @@ Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& fr
   const bool faces_end = is_cone ? normal_along > 0.0F : steepness < kEndSine;
   if (faces_end && from_axis < kRim * shape.radius) return {};
   constexpr float kMinRadius = 1e-4F;  // of a cone, near its tip
-  return {steepness / std::max(kMinRadius, from_axis), generatrix};
+  return {steepness / std::max(kMinRadius, from_axis), generatrix()};
 }
 
-// One of the two bodies, or the ground.
+// One of the two bodies, or the ground. The last components of rows do not count.
 struct Side {
-  Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0}, centre{0, 0, 0};  // of mass
+  Float4 velocity{}, angular_velocity{}, centre{};  // of mass
 
   Side() = default;
   Side(const BodyStore& bodies, std::size_t body)
-      : velocity(bodies.velocity(body)),
-        angular_velocity(bodies.angular_velocity(body)),
-        centre(bodies.position[body]) {}
-  Vec3 velocity_at(const Vec3& point) const { return velocity + angular_velocity.cross(point - centre); }
+      : velocity(load4(bodies.body_velocity[body].velocity)),
+        angular_velocity(load4(bodies.body_velocity[body].angular_velocity)),
+        centre(to_row(bodies.position[body])) {}
+  Float4 velocity_at(const Float4& point) const { return velocity + cross(angular_velocity, point - centre); }
 };
 
 // The angular acceleration without torque, rad/s². Velocities have it from the end of the step on.
@@ -82,23 +85,25 @@ Vec3 gyroscopic_acceleration(const BodyStore& bodies, std::size_t body) {
 }
 
 // Velocity of a contact point, u/s, which its normal, from b to a, and the curvatures determine. In a
-// direction in which both sides are flat it follows the body a or b.
-Vec3 velocity_of_point(const Side& a, const Side& b, const Curvature& of_a, const Curvature& of_b,
-                       const Vec3& point, const Vec3& normal, bool follows_b) {
-  const Vec3 at_a = a.velocity_at(point), at_b = b.velocity_at(point);
-  const Vec3 turn = (a.angular_velocity - b.angular_velocity).cross(normal);
+// direction in which both sides are flat it follows the body a or b. `at_a`, `at_b`: velocities of the bodies
+// there; `spin`: of a relative to b.
+Float4 velocity_of_point(const Float4& at_a, const Float4& at_b, const Float4& spin, const Curvature& of_a,
+                         const Curvature& of_b, const Vec3& normal, bool follows_b) {
+  const Float4 turn = cross(spin, to_row(normal));
   // A ball on a flat face.
   if (of_b.value == 0.0F && of_a.flat_along.isZero(0.0F)) return at_a + turn / of_a.value;
   if (of_a.value == 0.0F && of_b.flat_along.isZero(0.0F)) return at_b + turn / of_b.value;
-  const Vec3 slip = at_a - at_b;
-  const Vec3 t = normal.unitOrthogonal(), u = normal.cross(t);
-  const Eigen::Vector2f slip_2(slip.dot(t), slip.dot(u));
+  const Float4 slip = at_a - at_b;
+  const Vec3 tangent = normal.unitOrthogonal();
+  const Float4 t = to_row(tangent), u = cross(to_row(normal), t);
+  const Eigen::Vector2f slip_2(dot(slip, t), dot(slip, u));
   const auto matrix = [&](const Curvature& c) -> Eigen::Matrix2f {
-    const Eigen::Vector2f flat(c.flat_along.dot(t), c.flat_along.dot(u));
+    const Float4 flat_along = to_row(c.flat_along);
+    const Eigen::Vector2f flat(dot(flat_along, t), dot(flat_along, u));
     return c.value * (Eigen::Matrix2f::Identity() - flat * flat.transpose());
   };
   const Eigen::Matrix2f k_b = matrix(of_b), k = matrix(of_a) + k_b;
-  const Eigen::Vector2f change = Eigen::Vector2f(turn.dot(t), turn.dot(u)) - k_b * slip_2;
+  const Eigen::Vector2f change = Eigen::Vector2f(dot(turn, t), dot(turn, u)) - k_b * slip_2;
   constexpr float kFlat = 1e-3F;
   const float trace = k.trace();
   Eigen::Vector2f over_a;  // of the point over a's surface
@@ -118,32 +123,45 @@ Vec3 velocity_of_point(const Side& a, const Side& b, const Curvature& of_a, cons
 void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<std::size_t> b, float time_s,
                          std::span<Contact> contacts) {
   const Side side_a(bodies, a), side_b = b ? Side(bodies, *b) : Side();
-  const float turn = (side_a.angular_velocity - side_b.angular_velocity).norm();
+  const Float4 spin = side_a.angular_velocity - side_b.angular_velocity;
+  const float turn_squared = dot(spin, spin);
   const bool follows_b = b && !bodies.is_static(*b) && bodies.bounding_radius[*b] < bodies.bounding_radius[a];
   const Vec3 origin_a = bodies.origin(a), origin_b = b ? bodies.origin(*b) : Vec3(Vec3::Zero());
+  std::optional<Float4> gyroscopic_a, gyroscopic_b;
   for (Contact& c : contacts) {
     if (c.anchor_time_s != 0.0F) continue;  // it is elsewhere already
     const Vec3 point = origin_a + c.anchor;
     const Curvature of_a = curvature_at(bodies, a, c.anchor, c.normal);
     const Curvature of_b = b ? curvature_at(bodies, *b, point - origin_b, -c.normal) : Curvature();
     if (of_a.value + of_b.value == 0.0F) continue;
-    const Vec3 velocity = velocity_of_point(side_a, side_b, of_a, of_b, point, c.normal, follows_b);
+    const Float4 at = to_row(point), at_a = side_a.velocity_at(at), at_b = side_b.velocity_at(at),
+                 velocity = velocity_of_point(at_a, at_b, spin, of_a, of_b, c.normal, follows_b);
     const bool a_is_round = of_a.value > 0.0F;
+    const Float4 over_round = velocity - (a_is_round ? at_a : at_b);
     const float radius = bodies.shape[a_is_round ? a : *b]->radius,
-                speed = (velocity - (a_is_round ? side_a : side_b).velocity_at(point)).norm(),
-                angle = time_s * std::max(turn, speed / radius),
-                share = angle > kMaxTurn ? kMaxTurn / angle : 1.0F;
-    const Vec3 past_a = velocity - side_a.velocity, past_b = velocity - side_b.velocity;
+                speed_squared = dot(over_round, over_round);
+    float share = 1.0F;
+    // Most turn less by far, which needs no roots.
+    constexpr float kSmallTurn = 0.99F * kMaxTurn;
+    if (!(time_s * time_s * std::max(turn_squared * radius * radius, speed_squared) <
+          kSmallTurn * kSmallTurn * radius * radius)) {
+      const float angle = time_s * std::max(std::sqrt(turn_squared), std::sqrt(speed_squared) / radius);
+      if (angle > kMaxTurn) share = kMaxTurn / angle;
+    }
+    const Float4 past_a = velocity - side_a.velocity, past_b = velocity - side_b.velocity;
     c.anchor_time_s = share * time_s;
-    c.anchor += c.anchor_time_s * past_a;
-    const Vec3 gain = share * (side_b.angular_velocity.cross(past_b) - side_a.angular_velocity.cross(past_a)),
-               gyroscopic_a = gyroscopic_acceleration(bodies, a),
-               gyroscopic_b = b ? gyroscopic_acceleration(bodies, *b) : Vec3(Vec3::Zero()),
-               acceleration = gain + share * (gyroscopic_b.cross(point - side_b.centre) -
-                                              gyroscopic_a.cross(point - side_a.centre));
-    if (acceleration.squaredNorm() < kMinAcceleration * kMinAcceleration) continue;
-    c.surface_velocity -= c.anchor_time_s * gain;
-    c.surface_acceleration = acceleration;
+    c.anchor += c.anchor_time_s * from_row(past_a);
+    if (!gyroscopic_a) {
+      gyroscopic_a = to_row(gyroscopic_acceleration(bodies, a));
+      gyroscopic_b = b ? to_row(gyroscopic_acceleration(bodies, *b)) : Float4{};
+    }
+    const Float4 gain = share *
+                        (cross(side_b.angular_velocity, past_b) - cross(side_a.angular_velocity, past_a)),
+                 acceleration = gain + share * (cross(*gyroscopic_b, at - side_b.centre) -
+                                                cross(*gyroscopic_a, at - side_a.centre));
+    if (dot(acceleration, acceleration) < kMinAcceleration * kMinAcceleration) continue;
+    c.surface_velocity -= c.anchor_time_s * from_row(gain);
+    c.surface_acceleration = from_row(acceleration);
   }
 }
 

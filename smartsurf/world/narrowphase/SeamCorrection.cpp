@@ -95,7 +95,11 @@ struct Touched {
   std::int32_t other;
   const Manifold* manifold;
   std::span<Contact> contacts;
+  Vec3 origin;
+  float reach_squared;  // of the points around the origin at which it may continue a face, u²
   bool is_under = false;
+
+  bool reaches(const Vec3& point) const { return (point - origin).squaredNorm() <= reach_squared; }
 };
 
 // Appends them in the order of the bodies that move, then for each fixed body.
@@ -105,11 +109,16 @@ void find_touched(const BodyStore& bodies, std::int32_t body, const Neighbours& 
     const Shape& s = *bodies.shape[other];
     return !s.hulls.empty() || s.kind == scene::ShapeKind::kBox;
   };
+  const auto add = [&](std::int32_t other, const Manifold& m, std::span<Contact> contacts) {
+    constexpr float kRounding = 1e-3F;  // u
+    const float reach = greatest_continued_distance(*bodies.shape[other]) + kRounding;
+    out.push_back({other, &m, contacts, bodies.origin(other), reach * reach});
+  };
   out.clear();
   neighbours.for_each(body, [&](std::int32_t k) {
     const Manifold& m = pairs.manifolds[k];
     const std::int32_t other = m.a == body ? m.b : m.a;
-    if (has_faces(other)) out.push_back({other, &m, pairs.contacts_of(m)});
+    if (has_faces(other)) add(other, m, pairs.contacts_of(m));
   });
   std::reverse(out.begin(), out.end());
   if (neighbours.static_of(body) < 0) return;
@@ -119,7 +128,7 @@ void find_touched(const BodyStore& bodies, std::int32_t body, const Neighbours& 
     const Partner partner = contacts[from].partner;
     while (to < contacts.size() && contacts[to].partner == partner) ++to;
     const std::int32_t other = other_body(m, contacts[from]);
-    if (other >= 0 && has_faces(other)) out.push_back({other, &m, contacts.subspan(from, to - from)});
+    if (other >= 0 && has_faces(other)) add(other, m, contacts.subspan(from, to - from));
   }
 }
 
@@ -237,18 +246,23 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   if (touched.size() < 2) return;
   for (Touched& one : touched)
     for (const Contact& c : one.contacts) {
-      const Vec3 point = bodies.position[one.manifold->a] + c.anchor,
-                 velocity = velocity_at(bodies, one.other, point);
-      const float sliding = (bodies.velocity(i) - velocity).norm();
-      if (sliding < kSliding) continue;
-      const float together = std::max(kTogether, kTogetherShare * sliding);
+      const Vec3 point = bodies.position[one.manifold->a] + c.anchor;
       // The contact's point may be on the body, as far away as it travels in a step.
       const bool is_of_body = one.manifold->a == i;
       const Vec3 on_other = is_of_body ? Vec3(point - c.separation * c.normal) : point;
-      for (Touched& next : touched) {
+      const auto is_candidate = [&](const Touched& next) {
+        if (next.other == one.other || (one.is_under && next.is_under)) return false;
         // Fixed bodies have been corrected among each other.
-        const bool are_fixed = bodies.is_static(one.other) && bodies.is_static(next.other);
-        if (next.other == one.other || are_fixed || (one.is_under && next.is_under)) continue;
+        if (bodies.is_static(one.other) && bodies.is_static(next.other)) return false;
+        return next.reaches(point) || (is_of_body && next.reaches(on_other));
+      };
+      if (std::ranges::none_of(touched, is_candidate)) continue;
+      const Vec3 velocity = velocity_at(bodies, one.other, point);
+      const float sliding = (bodies.velocity(i) - velocity).norm();
+      if (sliding < kSliding) continue;
+      const float together = std::max(kTogether, kTogetherShare * sliding);
+      for (Touched& next : touched) {
+        if (!is_candidate(next)) continue;
         // The body slides over both if these move together at the point.
         if ((velocity_at(bodies, next.other, point) - velocity).norm() >= together) continue;
         if (may_continue(bodies, next.other, point) ||

@@ -72,21 +72,22 @@ void subtract_product(const double* __restrict a, const double* __restrict b, do
   }
 }
 
-// Replaces the lower triangle by its factor, with the inverse of the diagonal. False if it has none.
+// Replaces the lower triangle by its factor, with the inverse of the diagonal; what is above has no meaning.
+// Each column is subtracted from those after it as a vector. False if it has none.
 bool factor_block(double* a) {
+  bool is_positive = true;
+#pragma GCC unroll 6
   for (int j = 0; j < kSize; ++j) {
-    double pivot = a[j * kSize + j];
-    for (int k = 0; k < j; ++k) pivot -= a[k * kSize + j] * a[k * kSize + j];
-    if (!(pivot > 0.0)) return false;
-    const double inverse = 1.0 / std::sqrt(pivot);
+    const double pivot = a[j * kSize + j], inverse = 1.0 / std::sqrt(pivot);
+    is_positive &= pivot > 0.0;
+    const BlockColumn column = BlockColumn::load(a + j * kSize) * inverse;
+    column.store(a + j * kSize);
+#pragma GCC unroll 6
+    for (int k = j + 1; k < kSize; ++k)
+      (BlockColumn::load(a + k * kSize) - column * a[j * kSize + k]).store(a + k * kSize);
     a[j * kSize + j] = inverse;
-    for (int i = j + 1; i < kSize; ++i) {
-      double sum = a[j * kSize + i];
-      for (int k = 0; k < j; ++k) sum -= a[k * kSize + i] * a[k * kSize + j];
-      a[j * kSize + i] = sum * inverse;
-    }
   }
-  return true;
+  return is_positive;
 }
 
 // a := a·l⁻ᵀ

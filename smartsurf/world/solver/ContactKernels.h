@@ -17,16 +17,16 @@ using ContactKernel = void (*)(const ContactBatch* batches, int count, BatchPoin
 
 // Loops over rows [begin, end) of bodies.
 //
-// Adds `change` to the velocities, and unless `first` also what contacts have changed since the last call,
-// which is the difference to start_velocity. start_velocity becomes the velocity without that. Speeds are
-// clamped to kMaxSpeed, masses kept.
+// Adds `change` to the velocities and, unless `first`, once more the contacts' change since the last call
+// (velocity − start_velocity); start_velocity becomes the velocity without it. Speeds are clamped to
+// kMaxSpeed, masses kept.
 using IntegrateVelocities = void (*)(int begin, int end, const BodyVelocity& change, bool first,
                                      BodyVelocity* velocity, BodyVelocity* start_velocity);
 // Adds the motion of a substep to the delta poses.
 using IntegratePositions = void (*)(int begin, int end, float h_s, const BodyVelocity* velocity,
                                     DeltaPose* delta_pose);
 
-// The two in all substeps of a step in which nothing touches.
+// Both loops fused over all substeps, for steps without contacts.
 using IntegrateFree = void (*)(int begin, int end, int substeps, float h_s, const BodyVelocity& change,
                                BodyVelocity* velocity, DeltaPose* delta_pose);
 

@@ -438,19 +438,35 @@ void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
   const auto for_each_patch = [&](auto each) {
     for (SupportPatches& list : supports)
       for (SupportPatch& p : list.patches)
-        if (body_of_row_[p.row] >= 0 && (!p.moves || p.is_one_belt)) each(p, islands_[island_of_row_[p.row]]);
+        if (body_of_row_[p.row] >= 0 && (!p.moves || p.is_one_belt))
+          each(list, p, islands_[island_of_row_[p.row]]);
   };
   for (Island& island : islands_) island.patch_count = 0;
   std::int32_t count = 0;
-  for_each_patch([&](const SupportPatch&, Island& island) { ++island.patch_count, ++count; });
+  for_each_patch(
+      [&](const SupportPatches&, const SupportPatch&, Island& island) { ++island.patch_count, ++count; });
   patches_.resize(count);
   count = 0;
   for (Island& island : islands_) island.first_patch = count, count += std::exchange(island.patch_count, 0);
-  for_each_patch([&](SupportPatch& p, Island& island) {
+  for_each_patch([&](SupportPatches& list, SupportPatch& p, Island& island) {
     PatchFriction& f = patches_[island.first_patch + island.patch_count++];
-    f.patch = &p;
+    f.list = &list, f.patch = &p;
     f.body[0] = body_of_row_[p.row], f.body[1] = -1;
   });
+  elastic_patches_.clear();
+  for (SupportPatches& list : supports)
+    for (SupportPatch& p : list.patches)
+      if (p.is_elastic && body_of_row_[p.row] >= 0)
+        elastic_patches_.push_back({.list = &list, .patch = &p, .body = body_of_row_[p.row]});
+  const auto island_of = [&](const ElasticPatch& e) { return island_of_row_[e.patch->row]; };
+  std::ranges::sort(elastic_patches_, {},
+                    [&](const ElasticPatch& e) { return std::pair(island_of(e), e.body); });
+  for (std::size_t i = 0; i < islands_.size(); ++i) {
+    const auto of_island =
+        std::ranges::equal_range(elastic_patches_, static_cast<std::int32_t>(i), {}, island_of);
+    islands_[i].first_elastic = static_cast<std::int32_t>(of_island.begin() - elastic_patches_.begin());
+    islands_[i].elastic_count = static_cast<std::int32_t>(of_island.size());
+  }
 }
 
 void HeavyIslandSolver::collect_welds(const Step& step) {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "smartsurf/world/solver/ContactLaw-inl.h"
+#include "smartsurf/world/solver/SupportSolver.h"
 
 namespace smartsurf::world {
 namespace {
@@ -180,6 +181,7 @@ void HeavyIslandSolver::set_up(Weld& w, const SolverBodies& rows, const Substep&
 
 double HeavyIslandSolver::PatchFriction::load(std::span<const Point> island,
                                               const BatchPoints& points) const {
+  if (patch->is_elastic) return patch->spring_wrench[0];
   double load = 0.0;
   for (const Point& p : island)
     if (p.row[0] == patch->row && !is_pair(p.kind))
@@ -271,7 +273,8 @@ void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& poin
     set_up(f, rows);
     std::fill_n(f.in_matrix, 3, false);
     const auto holds = [&] { return f.limit_share(f.load(of.points, points)) < kHolding * kHolding; };
-    f.sticks = f.patch->friction > 0.0F && (f.patch->is_lumped || (f.patch->may_lump() && holds()));
+    f.sticks = f.patch->friction > 0.0F &&
+               (f.patch->is_lumped || ((f.patch->may_lump() || f.patch->is_elastic) && holds()));
     if (f.sticks) f.update({true, true, true}, matrix);
   }
   for (Weld& w : of.welds) {
@@ -323,7 +326,7 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
     friction[k] = t.impulse + t.change;
     work += friction[k] * lack;
   }
-  // Friction that drives the slip on is that of a point which sticks.
+  // If friction points along the slip, the point sticks.
   if (!sticks && bears && work < 0.0 && !stuck_again) return sticks = stuck_again = true;
   const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
   if (length <= limit) return changed;
@@ -332,6 +335,66 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   const double scale = law::cone_scale(length, limit);
   for (int k = 0; k < 2; ++k) spring[1 + k].change = scale * friction[k] - spring[1 + k].impulse;
   return changed;
+}
+
+void HeavyIslandSolver::ElasticPatch::set_up(MemberData& data, const SolverBodies& rows,
+                                             const Substep& substep) {
+  motion = motion_of(rows.velocity[patch->row]);
+  first_load = data.loads.size();
+  append_loads(*list, *patch, substep.static_params.h_s, substep.is_soft, data.loads);
+  load_count = data.loads.size() - first_load;
+  for (const LinearLoad& load : std::span(data.loads).subspan(first_load))
+    data.bears.push_back(load.at_velocity(motion) > 0.0 ? 1 : 0);
+  in_matrix.setZero();
+}
+
+void HeavyIslandSolver::ElasticPatch::assemble(const MemberData& data, BlockCholesky& matrix,
+                                               double* right_side) {
+  Vector3 force = -Vector3(patch->spring_wrench);
+  support::Matrix3 stiffness = support::Matrix3::Zero();
+  for (std::size_t i = first_load; i < first_load + load_count; ++i) {
+    if (!data.bears[i]) continue;
+    const LinearLoad& load = data.loads[i];
+    force += load.at_velocity(motion) * load.at;
+    stiffness += load.per_speed * load.at * load.at.transpose();
+  }
+  // The motion is the velocity along z, and the angular velocities about −y and x.
+  const support::Matrix3 change = stiffness - in_matrix;
+  matrix.add_to_diagonal(body, 2, 2, change(0, 0));
+  matrix.add_to_diagonal(body, 3, 2, change(2, 0));
+  matrix.add_to_diagonal(body, 3, 3, change(2, 2));
+  matrix.add_to_diagonal(body, 4, 2, -change(1, 0));
+  matrix.add_to_diagonal(body, 4, 3, -change(1, 2));
+  matrix.add_to_diagonal(body, 4, 4, change(1, 1));
+  in_matrix = stiffness;
+  double* const to = right_side + BlockCholesky::kSize * body;
+  to[2] += force[0], to[3] += force[2], to[4] -= force[1];
+}
+
+Vector3 HeavyIslandSolver::ElasticPatch::motion_after(const double* changes) const {
+  const double* const change = changes + BlockCholesky::kSize * body;
+  return motion + Vector3(change[2], -change[4], change[3]);
+}
+
+bool HeavyIslandSolver::ElasticPatch::follow(MemberData& data, const double* changes) const {
+  const Vector3 after = motion_after(changes);
+  bool changed = false;
+  for (std::size_t i = first_load; i < first_load + load_count; ++i) {
+    const char bears = data.loads[i].at_velocity(after) > 0.0 ? 1 : 0;
+    changed |= bears != data.bears[i];
+    data.bears[i] = bears;
+  }
+  return changed;
+}
+
+void HeavyIslandSolver::ElasticPatch::apply(const MemberData& data, const double* changes,
+                                            const SolverBodies& rows, bool is_soft) const {
+  SupportPatch& p = *patch;
+  const Vector3 last_wrench(p.spring_wrench);
+  take_back_spring_stage(*list, p, is_soft);
+  take_loads(*list, p, std::span(data.loads).subspan(first_load, load_count), motion_after(changes));
+  BodyVelocity& m = rows.velocity[p.row];
+  support::apply_wrench(Vector3(p.spring_wrench) - last_wrench, m, rows.inverse_inertia[p.row]);
 }
 
 void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& points, const SolverBodies& rows,
@@ -365,12 +428,15 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
     }
     p.keep(q);
   }
-  for (const PatchFriction& f : of.patches)
-    for (int k = 0; k < 3 && f.sticks; ++k) {
-      f.patch->is_lumped = true;
+  for (const PatchFriction& f : of.patches) {
+    if (!f.sticks) continue;
+    for (int k = 0; k < 3; ++k) {
       f.patch->friction_sum[k] += f.spring[k].change;
       move(f, k, f.patch->row, 0, rows.velocity);
     }
+    f.patch->is_lumped = true;
+    if (f.patch->is_elastic) spread_friction(f.list->samples, *f.patch);
+  }
   // The next substep repeats what contacts add to the start velocity, not what joints do.
   for (const Weld& w : of.welds) {
     JointEquations::Vector6 impulse;
@@ -401,9 +467,13 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
   };
   matrix = bodies;
   set_up(of, points, rows, substep, matrix);
+  const auto elastic = std::span(elastic_patches_).subspan(island.first_elastic, island.elastic_count);
+  data.loads.clear(), data.bears.clear();
+  for (ElasticPatch& e : elastic) e.set_up(data, rows, substep);
   bool changed = true;
   for (int pass = 0; changed && pass < kMaxPasses; ++pass) {
     assemble(of, matrix, {b, static_cast<std::size_t>(BlockCholesky::kSize * island.body_count)});
+    for (ElasticPatch& e : elastic) e.assemble(data, matrix, b);
     if (!matrix.factor()) return give_up();
     matrix.solve(b);
     changed = false;
@@ -412,6 +482,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     const auto follow = [&](Springs& s) {
       for (int k = 0; k < 3; ++k) s.spring[k].change = s.spring[k].stiffness * s.lacking_speed(k, b);
     };
+    for (const ElasticPatch& e : elastic) changed |= e.follow(data, b);
     for (PatchFriction& f : of.patches)
       if (f.sticks) follow(f);
     for (Weld& w : of.welds)
@@ -422,6 +493,9 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
       }))
     return give_up();
   apply(of, points, rows, substep);
+  for (const ElasticPatch& e : elastic) e.apply(data, b, rows, substep.is_soft);
+  for (const ElasticPatch& e : elastic)
+    end_spring_stage(*e.list, *e.patch, substep.is_soft, rows.velocity[e.patch->row]);
   note_solved(island, true);
 }
 

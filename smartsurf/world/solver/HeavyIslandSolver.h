@@ -1,13 +1,13 @@
 // A direct solver for islands in which sequential impulses converge slowly.
 //
-// They carry a load through a chain of bodies in about as many sweeps as the square of its length, through a
-// light body in as many as the load is heavier than the body, and stop a tilt over a narrow base in as many
-// as the moment of inertia exceeds that of the base; and the springs of contacts are as soft as bodies are
-// light. What they lack meanwhile moves the bodies: a tonne sinks into a table on four legs of a kilogram,
-// and a corbel falls. In such islands the normal impulses are solved at once after each sweep: the velocity
-// changes of all bodies, with the contacts as springs in series with the rigid bodies, and the set of
-// contacts that bear, and of those that stick, by iteration (an active set). Fixed joints are hard springs
-// that bear in any direction.
+// Sequential impulses need about n² sweeps to carry a load through a chain of n bodies, as many as the ratio
+// of the masses through a light body, and as many as the ratio of the moments of inertia to stop a tilt over
+// a narrow base; and contacts are as soft as bodies are light. The missing impulse moves the bodies: a tonne
+// sinks into a table on four legs of a kilogram, and a corbel falls. In such islands the normal impulses are
+// solved at once after each sweep: the velocity changes of all bodies, with the contacts as springs in series
+// with the rigid bodies, and the set of contacts that bear, and of those that stick, by iteration (an active
+// set). The springs of elastic tops and fixed
+// joints, hard springs that bear in any direction, are solved with them.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +22,7 @@
 #include "smartsurf/world/solver/ConstraintGraph.h"
 #include "smartsurf/world/solver/ContactBatch.h"
 #include "smartsurf/world/solver/JointSolver.h"
+#include "smartsurf/world/solver/SupportSprings.h"
 
 namespace smartsurf::world {
 
@@ -88,6 +89,8 @@ class HeavyIslandSolver {
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
+    std::vector<LinearLoad> loads;  // of the elastic patches of that island
+    std::vector<char> bears;        // by load
   };
   // A spring in series with the rigid bodies: its stiffness (impulse per speed) and the speed that it lacks.
   struct Spring {
@@ -126,6 +129,7 @@ class HeavyIslandSolver {
   };
   // The friction of a support patch whose cells rest: along x and y, and about z.
   struct PatchFriction : Springs {
+    SupportPatches* list;
     SupportPatch* patch;
     bool sticks;
     double load(std::span<const Point> island, const BatchPoints&) const;
@@ -137,10 +141,27 @@ class HeavyIslandSolver {
     std::int32_t joint, row[2];  // −1: does not move
     Springs part[2];
   };
+  // A support patch on elastic tops, whose loads are springs along the vertical.
+  struct ElasticPatch {
+    SupportPatches* list;
+    SupportPatch* patch;
+    std::int32_t body;           // in the island
+    std::size_t first_load = 0;  // in MemberData
+    std::size_t load_count = 0;
+    support::Vector3 motion = support::Vector3::Zero();     // of its face before the direct solution
+    support::Matrix3 in_matrix = support::Matrix3::Zero();  // the stiffness that the matrix has of it
+    void set_up(MemberData&, const SolverBodies&, const Substep&);
+    // The equations of the corners that bear now.
+    void assemble(const MemberData&, BlockCholesky&, double* right_side);
+    support::Vector3 motion_after(const double* changes) const;
+    // Returns whether a corner now bears or lifts as it did not.
+    bool follow(MemberData&, const double* changes) const;
+    void apply(const MemberData&, const double* changes, const SolverBodies&, bool is_soft) const;
+  };
   struct Island {
     int min_bodies;  // smaller ones are left to the sweeps
     std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
-                 patch_count = 0, first_weld = 0, weld_count = 0;
+                 patch_count = 0, first_elastic = 0, elastic_count = 0, first_weld = 0, weld_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     std::int32_t member = 0;        // that solves it
     bool is_prepared = false;       // what stays through the step
@@ -194,6 +215,7 @@ class HeavyIslandSolver {
   std::vector<IslandBody> bodies_;  // in the same order
   std::vector<Point> points_;
   std::vector<PatchFriction> patches_;
+  std::vector<ElasticPatch> elastic_patches_;
   std::vector<Weld> welds_;
   std::vector<char> is_solved_;          // by row
   std::vector<BlockCholesky> matrices_;  // by island, without springs; more remain of earlier steps

@@ -382,8 +382,10 @@ void ImpactSolver::move_pair_on(const Step& step, std::size_t first, std::size_t
     by_a -= hit.set_back_a, by_b -= hit.set_back_b;
     for (int i = 0; i < 3; ++i) {
       const float impulse_time = (1.0F - hit.fraction) * step.dt_s * p.impulse[i];
-      by_a += impulse_time * p.velocity_a->inverse_mass * p.axis[i], turn_a += impulse_time * p.spin_a[i];
-      by_b -= impulse_time * p.velocity_b->inverse_mass * p.axis[i], turn_b -= impulse_time * p.spin_b[i];
+      const Vec3 axis = from_row(p.axis[i]);
+      by_a += impulse_time * p.velocity_a->inverse_mass * axis;
+      by_b -= impulse_time * p.velocity_b->inverse_mass * axis;
+      turn_a += impulse_time * from_row(p.spin_a[i]), turn_b -= impulse_time * from_row(p.spin_b[i]);
     }
   }
   const auto is_free = [&](std::int32_t body, std::int32_t other, const Vec3& by) {
@@ -469,19 +471,25 @@ ImpactSolver::Point ImpactSolver::make_point(const Step& step, const Manifold& m
   p.state_a = &state_of_row(p.row_a), p.state_b = m.b >= 0 ? &state_of_row(p.row_b) : nullptr;
   law::Vector3<float> t, u;
   law::tangents(to_law(normal), t, u);
-  p.axis[0] = normal, p.axis[1] = from_law(t), p.axis[2] = from_law(u);
+  const Vec3 axis[3] = {normal, from_law(t), from_law(u)}, &anchor_a = sides.anchor_a,
+             &anchor_b = sides.anchor_b;
+  Vec3 spin_a[3], spin_b[3];
   const float inverse_mass = p.velocity_a->inverse_mass + (p.velocity_b ? p.velocity_b->inverse_mass : 0.0F);
   const InverseInertia& inertia_a = step.bodies.world_inverse_inertia[m.a];
-  for (int i = 0; i < 3; ++i) p.spin_a[i] = multiply(inertia_a, p.anchor_a.cross(p.axis[i]));
+  for (int i = 0; i < 3; ++i) spin_a[i] = multiply(inertia_a, anchor_a.cross(axis[i]));
   if (p.velocity_b != nullptr) {
     const InverseInertia& inertia_b = step.bodies.world_inverse_inertia[m.b];
-    for (int i = 0; i < 3; ++i) p.spin_b[i] = multiply(inertia_b, p.anchor_b.cross(p.axis[i]));
+    for (int i = 0; i < 3; ++i) spin_b[i] = multiply(inertia_b, anchor_b.cross(axis[i]));
   }
   auto inverse_effective_mass = [&](int i, int j) {
-    float k = p.anchor_a.cross(p.axis[j]).dot(p.spin_a[i]) + (i == j ? inverse_mass : 0.0F);
-    if (p.velocity_b != nullptr) k += p.anchor_b.cross(p.axis[j]).dot(p.spin_b[i]);
+    float k = anchor_a.cross(axis[j]).dot(spin_a[i]) + (i == j ? inverse_mass : 0.0F);
+    if (p.velocity_b != nullptr) k += anchor_b.cross(axis[j]).dot(spin_b[i]);
     return k;
   };
+  for (int i = 0; i < 3; ++i) {
+    p.axis[i] = to_row(axis[i]), p.spin_a[i] = to_row(spin_a[i]);
+    if (p.velocity_b != nullptr) p.spin_b[i] = to_row(spin_b[i]);
+  }
   const float nn = inverse_effective_mass(0, 0), tt = inverse_effective_mass(1, 1),
               uu = inverse_effective_mass(2, 2), tu = inverse_effective_mass(1, 2);
   p.normal_mass = law::inverse(nn);
@@ -491,8 +499,8 @@ ImpactSolver::Point ImpactSolver::make_point(const Step& step, const Manifold& m
   p.friction =
       friction_of(step.bodies.surface_material[m.a], material_of_b(step.bodies, step.field_material, m, c));
   p.max_impulse = max_impulse_of(step, m, c);
-  const Vec3 v = p.velocity();
-  for (int i = 0; i < 3; ++i) p.velocity_before[i] = p.axis[i].dot(v);
+  const Float4 v = p.velocity();
+  for (int i = 0; i < 3; ++i) p.velocity_before[i] = dot(p.axis[i], v);
   p.impulse = Vec3::Zero();
   p.energy_budget = 0.0F;
   p.seen_normal = p.seen_friction = versions(p) - 1;
@@ -516,9 +524,10 @@ void ImpactSolver::add_hits(const Step& step) {
     float approach_speed = hit.approach_speed;
     if (hit.is_pair) {  // at the point where they meet
       const BodyStore& b = step.bodies;
-      approach_speed =
-          std::min(0.0F, p.axis[0].dot(b.velocity(m.a) + b.angular_velocity(m.a).cross(p.anchor_a) -
-                                       b.velocity(m.b) - b.angular_velocity(m.b).cross(p.anchor_b)));
+      const Vec3 normal = from_row(p.axis[0]), anchor_a = from_row(p.anchor_a),
+                 anchor_b = from_row(p.anchor_b);
+      approach_speed = std::min(0.0F, normal.dot(b.velocity(m.a) + b.angular_velocity(m.a).cross(anchor_a) -
+                                                 b.velocity(m.b) - b.angular_velocity(m.b).cross(anchor_b)));
     }
     const Rebound rebound = compute_rebound(approach_speed, speed_after, c.separation, restitution, step);
     set_target(p, rebound.end_speed, 0.0F);
@@ -542,9 +551,11 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
     if (restitution == 0.0F || c.gives_way()) continue;
     const Sides s(step, m, c);
     const float speed = c.normal.dot(s.velocity());
-    if (speed >= 0.0F || s.separation(c, step.dt_s) > touching_separation(step, speed)) continue;
+    if (speed >= 0.0F) continue;
+    const float separation = s.separation(c, step.dt_s);
+    if (separation > touching_separation(step, speed)) continue;
     if (!ref.is_pair && !postponed_.empty() && !postponed_[k].is_met_at(speed)) continue;
-    touches |= s.separation(c, step.dt_s) <= kTouchingSeparation;
+    touches |= separation <= kTouchingSeparation;
     least = std::min(least, speed);
     approaching_.push_back({&c, law::rebound_speed(restitution, speed)});
   }

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "smartsurf/world/body/BodyStore.h"
+#include "smartsurf/world/body/VectorRow.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/CellForceLimits.h"
@@ -108,24 +109,43 @@ class ImpactSolver {
     bool is_changed = false;    // the body is among changed_bodies_, or will be
   };
   // A colliding contact of the current generation. Components are along the normal and two tangents. In the
-  // list, several members write to neighbours.
-  struct alignas(64) Point : Sides {
-    explicit Point(const Sides& sides) : Sides(sides) {}
+  // list, several members write to neighbours. What a sweep reads of a point that it leaves alone comes
+  // first.
+  struct alignas(64) Point {
+    explicit Point(const Sides& sides)
+        : velocity_a(sides.velocity_a),
+          velocity_b(sides.velocity_b),
+          anchor_a(to_row(sides.anchor_a)),
+          anchor_b(to_row(sides.anchor_b)),
+          surface_velocity(to_row(sides.surface_velocity)) {}
 
-    Contact* contact;
-    std::int32_t a, b;          // bodies; b = −1: static
-    std::int32_t row_a, row_b;  // of a and b
     RowState *state_a, *state_b;
-    Vec3 axis[3];
-    Vec3 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
-    float normal_mass;
+    std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
+    BodyVelocity *velocity_a, *velocity_b;
+    float normal_mass, target_speed, max_impulse, friction;
+    Float4 anchor_a, anchor_b, surface_velocity;
+    Float4 axis[3];
+    Float4 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
+    Vec3 impulse;
+    float blow_speed;       // greatest change of speed by the blow: the scale of errors
     float tangent_mass[3];  // inverse of the inverse effective mass matrix in the tangent plane: tt, uu, tu
     float slip_mass;        // inverse of that matrix's greater eigenvalue
-    float friction, target_speed, max_impulse;
-    float blow_speed;  // greatest change of speed by the blow: the scale of errors
-    Vec3 velocity_before, impulse;
-    float energy_budget;                       // what the contact lost in the substeps
-    std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
+    std::int32_t a, b;      // bodies; b = −1: static
+    std::int32_t row_a, row_b;  // of a and b
+    Contact* contact;
+    Vec3 velocity_before;
+    float energy_budget;  // what the contact lost in the substeps
+
+    // Velocity of a relative to b, or to the static surface.
+    Float4 velocity() const {
+      const Float4 v = of_point(*velocity_a, anchor_a);
+      return v - (velocity_b == nullptr ? surface_velocity : of_point(*velocity_b, anchor_b));
+    }
+
+   private:
+    static Float4 of_point(const BodyVelocity& v, const Float4& anchor) {
+      return load4(v.velocity) + cross(load4(v.angular_velocity), anchor);
+    }
   };
   struct Approaching {
     Contact* contact;
@@ -173,7 +193,12 @@ class ImpactSolver {
   // A point's visit in a sweep.
   struct Visit {
     std::vector<Change>& changes;
-    std::uint64_t order;
+    int sweep;
+    std::size_t place;
+    // Of a change to one of the point's two bodies.
+    std::uint64_t order(std::uint64_t side) const {
+      return static_cast<std::uint64_t>(sweep) << 32U | place << 1U | side;
+    }
   };
   // What the caller has all members do.
   enum class Task { kNone, kFindResisting, kSolveNormals, kSolvePoints };
@@ -212,7 +237,7 @@ class ImpactSolver {
   Point make_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
   void add_point(const Point&);
   void solve_points(Island&, Sweeper&);
-  void solve_normals(const Island&, Sweeper&, int max_sweeps, int first_number);
+  bool solve_normals(const Island&, Sweeper&, int max_sweeps, int first_number);
   bool normals_are_solved(const Island&, Sweeper&);
   template <class Each>
   float sweep(const Island&, Sweeper&, bool is_backward, int number, Each each);
@@ -227,10 +252,10 @@ class ImpactSolver {
     return row + slab_of_row_[row] * kRowsBetweenSlabs;
   }
   RowState& state_of_row(std::int32_t row) { return row_states_[index_of_state(row)]; }
-  void apply_impulse(Point&, int axis, float impulse);
+  static void apply_impulse(Point&, int axis, float impulse);
   float count_change(const Point&, float impulse_change, const Visit&);
   static void prefetch(const Point&);
-  void solve_normal(Point&, const Visit&);
+  float solve_normal(Point&, const Visit&);
   float solve_friction(Point&, const Visit&);
   void limit_energy();
 

@@ -22,7 +22,6 @@ constexpr std::int32_t kMinGreatIsland = 128;  // in points
 
 constexpr int kPrefetchDistance = 4;  // in points
 
-using Vec = Eigen::Map<Vec3>;
 using common::find_root;
 
 }  // namespace
@@ -185,7 +184,7 @@ bool ImpactSolver::continue_islands() {
   });
 }
 
-// The bodies that the sweeps have changed, in the order in which those over the list would have.
+// The bodies changed by the sweeps, in the order in which a serial sweep would change them.
 void ImpactSolver::take_changes() {
   changes_.clear();
   for (MemberState& m : members_) {
@@ -199,12 +198,14 @@ void ImpactSolver::take_changes() {
 // ---- impulses
 
 [[gnu::always_inline]] inline void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
+  // The last components of the rows, the inverse mass and inertia, stay: those of the vectors are 0.
+  const auto change = [&](BodyVelocity& v, float by, const Float4& spin) {
+    store4(load4(v.velocity) + by * v.inverse_mass * p.axis[axis], v.velocity);
+    store4(load4(v.angular_velocity) + by * spin, v.angular_velocity);
+  };
   p.impulse[axis] += impulse;
-  Vec(p.velocity_a->velocity) += impulse * p.velocity_a->inverse_mass * p.axis[axis];
-  Vec(p.velocity_a->angular_velocity) += impulse * p.spin_a[axis];
-  if (p.velocity_b == nullptr) return;
-  Vec(p.velocity_b->velocity) += -impulse * p.velocity_b->inverse_mass * p.axis[axis];
-  Vec(p.velocity_b->angular_velocity) += -impulse * p.spin_b[axis];
+  change(*p.velocity_a, impulse, p.spin_a[axis]);
+  if (p.velocity_b != nullptr) change(*p.velocity_b, -impulse, p.spin_b[axis]);
 }
 
 // Returns the change relative to the impulse of the whole impact.
@@ -213,9 +214,9 @@ void ImpactSolver::take_changes() {
   const float whole = p.normal_mass * p.blow_speed,
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
   if (!(change > tolerance_)) return change;
-  const auto note = [&](RowState& state, std::int32_t body, int place) {
+  const auto note = [&](RowState& state, std::int32_t body, std::uint64_t side) {
     ++state.version;
-    if (!state.is_changed) visit.changes.push_back({visit.order + place, body});
+    if (!state.is_changed) visit.changes.push_back({visit.order(side), body});
     state.is_changed = true;
   };
   note(*p.state_a, p.a, 0);
@@ -230,17 +231,16 @@ void ImpactSolver::solve_points(Island& island, Sweeper& by) {
   const auto number_of = [](int friction_sweep) {
     return kNormalSweeps + friction_sweep * kSweepsPerFrictionSweep;
   };
-  const int done = island.friction_sweeps;
-  if (done == 0) solve_normals(island, by, kNormalSweeps, 0);
-  for (int sweep_number = done;; ++sweep_number) {
-    if (sweep_number > 0)
-      solve_normals(island, by, kNormalSweepsPerFrictionSweep, number_of(sweep_number - 1) + 1);
+  for (int sweep_number = island.friction_sweeps;; ++sweep_number) {
+    const bool are_solved = sweep_number == 0 ? solve_normals(island, by, kNormalSweeps, 0)
+                                              : solve_normals(island, by, kNormalSweepsPerFrictionSweep,
+                                                              number_of(sweep_number - 1) + 1);
     const float greatest_change =
         sweep(island, by, sweep_number % 2 != 0, number_of(sweep_number), [&](Point& p, const Visit& visit) {
           return p.friction > 0.0F && p.seen_friction != versions(p) ? solve_friction(p, visit) : 0.0F;
         });
-    const bool is_settled =
-        sweep_number + 1 == max_sweeps_ || (greatest_change < tolerance_ && normals_are_solved(island, by));
+    const bool is_settled = sweep_number + 1 == max_sweeps_ ||
+                            (greatest_change < tolerance_ && (are_solved || normals_are_solved(island, by)));
     if (!is_settled && (greatest_change >= tolerance_ || sweep_number + 1 < least_friction_sweeps_)) continue;
     if (by.team != nullptr && !by.team->is_caller()) return;
     island.friction_sweeps = sweep_number + 1;
@@ -249,14 +249,17 @@ void ImpactSolver::solve_points(Island& island, Sweeper& by) {
   }
 }
 
-void ImpactSolver::solve_normals(const Island& island, Sweeper& by, int max_sweeps, int first_number) {
-  bool any = true;
-  for (int number = 0; any && number < max_sweeps; ++number)
-    any = sweep(island, by, number % 2 != 0, first_number + number, [&](Point& p, const Visit& visit) {
-            if (p.seen_normal == versions(p)) return 0.0F;
-            solve_normal(p, visit);
-            return 1.0F;
-          }) > 0.0F;
+// Returns true if it is known that another sweep would change nothing: a point alone is solved in one, and
+// where no velocity changes by more than the tolerance, all points have seen the others.
+bool ImpactSolver::solve_normals(const Island& island, Sweeper& by, int max_sweeps, int first_number) {
+  for (int number = 0; number < max_sweeps; ++number) {
+    const float greatest_change =
+        sweep(island, by, number % 2 != 0, first_number + number, [&](Point& p, const Visit& visit) {
+          return p.seen_normal != versions(p) ? solve_normal(p, visit) : 0.0F;
+        });
+    if (!(greatest_change > tolerance_) || island.count == 1) return true;
+  }
+  return false;
 }
 
 // True if no velocity has changed since each normal was solved.
@@ -278,13 +281,13 @@ void ImpactSolver::prefetch(const Point& p) {
 template <class Each>
 float ImpactSolver::sweep(const Island& island, Sweeper& by, bool is_backward, int number, Each each) {
   float greatest = 0.0F;
+  const bool prefetches = members_.size() > 1;
   const auto visit = [&](std::int32_t begin, std::int32_t end) {
     const auto point = [&](std::int32_t k) { return order_[is_backward ? end - 1 - k : begin + k]; };
     for (std::int32_t k = 0; k < end - begin; ++k) {
-      if (k + kPrefetchDistance < end - begin) prefetch(points_[point(k + kPrefetchDistance)]);
-      const std::int32_t i = point(k);
-      const auto place = static_cast<std::uint64_t>(is_backward ? points_.size() - 1 - i : i);
-      const Visit v{by.state.changes, static_cast<std::uint64_t>(number) << 32U | place << 1U};
+      if (prefetches && k + kPrefetchDistance < end - begin) prefetch(points_[point(k + kPrefetchDistance)]);
+      const std::size_t i = point(k);
+      const Visit v{by.state.changes, number, is_backward ? points_.size() - 1 - i : i};
       greatest = std::max(greatest, each(points_[i], v));
     }
   };
@@ -307,19 +310,20 @@ float ImpactSolver::sweep(const Island& island, Sweeper& by, bool is_backward, i
   return greatest;
 }
 
-void ImpactSolver::solve_normal(Point& p, const Visit& visit) {
+float ImpactSolver::solve_normal(Point& p, const Visit& visit) {
   const float wanted =
-      law::normal_impulse(p.impulse[0], p.normal_mass, p.axis[0].dot(p.velocity()), p.target_speed);
+      law::normal_impulse(p.impulse[0], p.normal_mass, dot(p.axis[0], p.velocity()), p.target_speed);
   const float change = std::min(wanted, std::max(p.max_impulse, 0.0F)) - p.impulse[0];
   apply_impulse(p, 0, change);
-  count_change(p, change, visit);
+  const float relative_change = count_change(p, change, visit);
   p.seen_normal = versions(p);
+  return relative_change;
 }
 
 float ImpactSolver::solve_friction(Point& p, const Visit& visit) {
   using Vec2 = Eigen::Vector2f;
-  const Vec3 v = p.velocity();
-  const Vec2 slip(p.axis[1].dot(v), p.axis[2].dot(v)), old_impulse = p.impulse.tail<2>();
+  const Float4 v = p.velocity();
+  const Vec2 slip(dot(p.axis[1], v), dot(p.axis[2], v)), old_impulse = p.impulse.tail<2>();
   const float limit = p.friction * p.impulse[0], *const mass = p.tangent_mass;
   const Vec2 sticking =
       old_impulse - Vec2(mass[0] * slip.x() + mass[2] * slip.y(), mass[2] * slip.x() + mass[1] * slip.y());
@@ -353,8 +357,8 @@ void ImpactSolver::limit_energy() {
     return energy_[find_root(island_, a_moves || p.b < 0 ? p.a : p.b)];
   };
   for (const Point& p : points_) {
-    const Vec3 v = p.velocity();
-    const Vec3 after(p.axis[0].dot(v), p.axis[1].dot(v), p.axis[2].dot(v));
+    const Float4 v = p.velocity();
+    const Vec3 after(dot(p.axis[0], v), dot(p.axis[1], v), dot(p.axis[2], v));
     IslandEnergy& energy = energy_of(p);
     energy.linear += p.impulse.dot(p.velocity_before);
     energy.quadratic += p.impulse.dot(after - p.velocity_before);

@@ -86,7 +86,7 @@ void JointSolver::predict(IndexRange trees) {
   rotate_batch();
 }
 
-// To where their velocities lead them.
+// Moves the bodies along their velocities.
 void JointSolver::move_bodies(const Rows& rows, IndexRange trees) {
   for (TreeState& s : states_of(trees)) s.open();
   predict(trees);

@@ -2,8 +2,8 @@
 //
 // A joint has rigid rows, which its kind forbids to move, and at most one axis row, its coordinate
 // (scene/JointSpec.h). All rows of the bodies that joints connect with each other, a tree, are solved at once
-// (JointEquations.h); threads share the trees. What acts along an axis is an AxisLaw; the segments of the
-// axes are those at which the solution obeys all laws, beginning with those of the last substep.
+// (JointEquations.h); threads share the trees. An AxisLaw is piecewise linear; its
+// segment is chosen so that the solution obeys all laws, beginning with that of the last substep.
 //
 // In each substep solve() finds the impulses, along the constraints at its start, with which they hold at its
 // end, on the curved path of the bodies, and the coordinates that motors, friction or limits hold have moved

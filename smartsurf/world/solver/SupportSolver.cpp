@@ -264,21 +264,6 @@ void set_extent(const SupportSamples& s, SupportPatch& p, double polar) {
   p.gyration_squared = (std::max(0.0, polar) + arms) / p.total_weight;
 }
 
-// Shares the friction impulse of a lumped patch among its samples, as a planar field.
-void spread_friction(SupportSamples& s, SupportPatch& p) {
-  p.is_lumped = false;
-  const Vector3 impulse(p.friction_sum);
-  const PlanarField field(impulse, p.total_weight, p.centre_x, p.centre_y,
-                          p.total_weight * p.gyration_squared);
-  auto& f = s.friction[p.current];
-  for (int i = p.first; i < p.first + p.count; ++i) {
-    const double weight = s.weight[i];
-    f[0][i] = static_cast<float>(weight * field.fx(static_cast<double>(s.y[i])));
-    f[1][i] = static_cast<float>(weight * field.fy(static_cast<double>(s.x[i])));
-    f[2][i] = static_cast<float>(weight * field.rate * static_cast<double>(s.arm[i]));
-  }
-}
-
 // Copies what the kernels of friction read of a patch.
 void copy_to_lane(const SupportPatch& p, int lane, SupportFriction& to) {
   for (int i = 0; i < 6; ++i)
@@ -325,8 +310,8 @@ bool prepare_friction(SupportPatches& list, SupportPatch& p, const SupportSample
   return p.force != 0.0 || !Vector3(p.friction_sum).isZero(0.0);
 }
 
-// Finds the friction of the patches in a set of lanes. stick(stage) applies that of those that stick, and
-// returns their set; rub(stage, lanes) that of the others, if there are any.
+// Finds the friction of the patches in a set of lanes. stick(stage) applies the friction of sticking patches
+// and returns their lanes; rub(stage, lanes) applies that of sliding ones, if there are any.
 template <class Stick, class Rub>
 std::uint32_t solve_friction(SupportBatch& batch, std::uint32_t lanes, BatchPoints points, bool is_soft,
                              Stick stick, Rub rub) {
@@ -403,6 +388,21 @@ bool load_cells_of_points(SupportPatches& list, const SupportPatch& p, std::span
 }
 
 }  // namespace
+
+// As a planar field.
+void spread_friction(SupportSamples& s, SupportPatch& p) {
+  p.is_lumped = false;
+  const Vector3 impulse(p.friction_sum);
+  const PlanarField field(impulse, p.total_weight, p.centre_x, p.centre_y,
+                          p.total_weight * p.gyration_squared);
+  auto& f = s.friction[p.current];
+  for (int i = p.first; i < p.first + p.count; ++i) {
+    const double weight = s.weight[i];
+    f[0][i] = static_cast<float>(weight * field.fx(static_cast<double>(s.y[i])));
+    f[1][i] = static_cast<float>(weight * field.fy(static_cast<double>(s.x[i])));
+    f[2][i] = static_cast<float>(weight * field.rate * static_cast<double>(s.arm[i]));
+  }
+}
 
 void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const InverseInertia& w,
                      float friction, float substep_fraction) {

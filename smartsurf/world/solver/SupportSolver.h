@@ -47,6 +47,8 @@ struct SupportBatch {
 // in SubstepParams.
 void prepare_support(SupportBatch&, int lane, const BodyVelocity&, const InverseInertia&, float friction,
                      float substep_fraction);
+// Shares the friction impulse of the patch among its samples.
+void spread_friction(SupportSamples&, SupportPatch&);
 // Applies the friction impulses of the last step.
 void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
 // Finds the friction of the patches in a set of lanes, within the cones of the normal impulses at their

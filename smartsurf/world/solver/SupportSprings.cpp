@@ -12,11 +12,6 @@ namespace {
 
 using support::apply_wrench, support::Matrix3, support::Vector3;
 
-// The velocity of the face as a + b·x + c·y.
-Vector3 motion_of(const BodyVelocity& m) {
-  return Vec3(m.velocity[2], -m.angular_velocity[1], m.angular_velocity[0]).cast<double>();
-}
-
 // The body's resistance to changes of that velocity.
 Matrix3 inertia_of(const BodyVelocity& m, const InverseInertia& w) {
   const double xx = w.xx, xy = w.xy, yy = w.yy, inverse_determinant = 1.0 / (xx * yy - xy * xy);
@@ -26,13 +21,6 @@ Matrix3 inertia_of(const BodyVelocity& m, const InverseInertia& w) {
   inertia(1, 2) = inertia(2, 1) = xy * inverse_determinant;
   return inertia;
 }
-
-// The load of one corner as max(0, at_rest − per_speed·v), with the velocity v of the face there.
-struct LinearLoad {
-  Vector3 at;  // 1, x, y
-  double at_rest = 0.0, per_speed = 0.0;
-  double at_velocity(const Vector3& motion) const { return at_rest - per_speed * at.dot(motion); }
-};
 
 constexpr double kCornerShare = 0.25;
 
@@ -80,15 +68,35 @@ LinearLoad load_of(const SupportPatch& p, const SupportSpring& s, const SupportS
   return load;
 }
 
-// The motion m with inertia·(m − start) = Σ J(m)·(1, x, y) − applied, by Newton's method with a line search.
+// How the derivative of the energy along a step changes where a corner begins or ceases to bear.
+struct Kink {
+  double at = 0.0, change = 0.0;  // as a fraction of the step; of the second derivative
+};
+
+// The fraction of the step at which the energy is least: its derivative, −descent at 0, grows linearly from
+// kink to kink.
+double least_along(double descent, double curvature, std::vector<Kink>& kinks) {
+  std::ranges::sort(kinks, {}, &Kink::at);
+  double at = 0.0;
+  for (const Kink& k : kinks) {
+    const double ascent = curvature * (k.at - at);
+    if (ascent >= descent) break;
+    descent -= ascent, at = k.at;
+    curvature += k.change;
+  }
+  return at + descent / curvature;
+}
+
+// The motion m with inertia·(m − start) = Σ J(m)·(1, x, y) − applied: Newton's method, each step as far as
+// the energy falls. Stiff tops that all just touch make a full step overshoot by orders of magnitude.
 Vector3 balance(std::span<const LinearLoad> loads, const Matrix3& inertia, const Vector3& start,
                 const Vector3& applied) {
-  constexpr int kMaxNewtonSteps = 40;
+  constexpr int kMaxNewtonSteps = 100;
   thread_local std::vector<char> bears;
+  thread_local std::vector<Kink> kinks;
   bears.assign(loads.size(), -1);
-  support::LineSearch search{.point = start};
+  Vector3 motion = start;
   for (int pass = 0; pass < kMaxNewtonSteps; ++pass) {
-    const Vector3& motion = search.point;
     Vector3 residual = inertia * (motion - start) + applied;
     Matrix3 stiffness = inertia;
     bool is_same = true;
@@ -102,10 +110,28 @@ Vector3 balance(std::span<const LinearLoad> loads, const Matrix3& inertia, const
       residual -= impulse * load.at;
       stiffness += load.per_speed * load.at * load.at.transpose();
     }
-    if (is_same && search.fraction == 1.0) return motion;  // a full step within one piece is exact
-    if (search.accept(residual)) search.take(support::solve(stiffness, -residual), residual);
+    if (is_same) break;  // the step within one piece was exact
+    const Vector3 step = support::solve(stiffness, -residual);
+    kinks.clear();
+    for (std::size_t i = 0; i < loads.size(); ++i) {
+      const LinearLoad& load = loads[i];
+      const double fall = load.per_speed * load.at.dot(step), at = load.at_velocity(motion) / fall;
+      if (at > 0.0)
+        kinks.push_back(
+            {at, (bears[i] ? -1.0 : 1.0) * load.per_speed * load.at.dot(step) * load.at.dot(step)});
+    }
+    motion += least_along(-residual.dot(step), step.dot(stiffness * step), kinks) * step;
   }
-  return search.best;
+  return motion;
+}
+
+void add_to_step(SupportPatches& list, const SupportPatch& p, float sign) {
+  for (SupportSpring& s : springs_of(list, p))
+    for (const SupportSpring::Corner& c : s.corner) {
+      const float impulse = sign * c.impulse;
+      s.step_wrench[0] += impulse;
+      s.step_wrench[1] += impulse * c.x, s.step_wrench[2] += impulse * c.y;
+    }
 }
 
 }  // namespace
@@ -131,10 +157,22 @@ void solve_springs(SupportPatches& list, SupportPatch& p, const SubstepParams& p
   if (is_soft) measure_depths(list, p, params, m, delta);
   thread_local std::vector<LinearLoad> loads;
   loads.clear();
-  for (const SupportSpring& s : springs_of(list, p))
+  append_loads(list, p, params.h_s, is_soft, loads);
+  const Vector3 motion = balance(loads, inertia_of(m, w), motion_of(m), Vector3(p.spring_wrench)),
+                last_wrench(p.spring_wrench);
+  take_loads(list, p, loads, motion);
+  apply_wrench(Vector3(p.spring_wrench) - last_wrench, m, w);
+}
+
+void append_loads(const SupportPatches& list, const SupportPatch& p, float h_s, bool is_soft,
+                  std::vector<LinearLoad>& to) {
+  for (const SupportSpring& s : std::span(list.springs).subspan(p.first, p.count))
     for (const SupportSpring::Corner& c : s.corner)
-      loads.push_back(load_of(p, s, c, static_cast<double>(params.h_s), is_soft));
-  const Vector3 motion = balance(loads, inertia_of(m, w), motion_of(m), Vector3(p.spring_wrench));
+      to.push_back(load_of(p, s, c, static_cast<double>(h_s), is_soft));
+}
+
+void take_loads(SupportPatches& list, SupportPatch& p, std::span<const LinearLoad> loads,
+                const Vector3& motion) {
   Vector3 wrench = Vector3::Zero();
   const LinearLoad* load = loads.data();
   Index sample = p.first;
@@ -148,21 +186,16 @@ void solve_springs(SupportPatches& list, SupportPatch& p, const SubstepParams& p
     }
     list.samples.load[sample++] = static_cast<float>(sum);
   }
-  apply_wrench(wrench - Vector3(p.spring_wrench), m, w);
   Eigen::Map<Vector3>{p.spring_wrench} = wrench;
 }
 
 void end_spring_stage(SupportPatches& list, SupportPatch& p, bool is_soft, const BodyVelocity& m) {
-  if (is_soft) {
-    Eigen::Map<Vector3>{p.solve_motion} = motion_of(m);
-    return;
-  }
-  Eigen::Map<Vector3>{p.last_motion} = motion_of(m);
-  for (SupportSpring& s : springs_of(list, p))
-    for (const SupportSpring::Corner& c : s.corner) {
-      s.step_wrench[0] += c.impulse;
-      s.step_wrench[1] += c.impulse * c.x, s.step_wrench[2] += c.impulse * c.y;
-    }
+  Eigen::Map<Vector3>{is_soft ? p.solve_motion : p.last_motion} = motion_of(m);
+  if (!is_soft) add_to_step(list, p, 1.0F);
+}
+
+void take_back_spring_stage(SupportPatches& list, const SupportPatch& p, bool is_soft) {
+  if (!is_soft) add_to_step(list, p, -1.0F);
 }
 
 }  // namespace smartsurf::world

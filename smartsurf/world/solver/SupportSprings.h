@@ -13,14 +13,30 @@
 // stage begins from that depth at rest.
 //
 // The velocity of the face has three unknowns, v = a + b·x + c·y. They fulfil the body's momentum with the
-// loads J(v), the gradient of a convex, piecewise quadratic function: Newton's method finds them exactly in
-// few steps, whatever the stiffness.
+// loads J(v), the gradient of a convex, piecewise quadratic function: Newton's method with an exact line
+// search finds them in few steps, whatever the stiffness.
 #pragma once
+
+#include <span>
+#include <vector>
 
 #include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/solver/ContactBatch.h"
+#include "smartsurf/world/solver/SupportPoints.h"
 
 namespace smartsurf::world {
+
+// The velocity of the face at (x, y) as a + b·x + c·y.
+inline support::Vector3 motion_of(const BodyVelocity& m) {
+  return Vec3(m.velocity[2], -m.angular_velocity[1], m.angular_velocity[0]).cast<double>();
+}
+
+// The load of one corner as max(0, at_rest − per_speed·v), with the velocity v of the face there.
+struct LinearLoad {
+  support::Vector3 at;  // 1, x, y
+  double at_rest = 0.0, per_speed = 0.0;
+  double at_velocity(const support::Vector3& motion) const { return at_rest - per_speed * at.dot(motion); }
+};
 
 // Preconditions of the following: the patch is elastic.
 
@@ -30,7 +46,14 @@ void warm_start_springs(const SupportPatch&, BodyVelocity&, const InverseInertia
 // Solves the loads of all cells of the patch at once.
 void solve_springs(SupportPatches&, SupportPatch&, const SubstepParams&, bool is_soft, BodyVelocity&,
                    const DeltaPose&, const InverseInertia&);
+// For the direct solver, after solve_springs(): appends the loads of all corners, and later takes those at
+// `motion` for them. Does not change the body's velocity.
+void append_loads(const SupportPatches&, const SupportPatch&, float h_s, bool is_soft,
+                  std::vector<LinearLoad>&);
+void take_loads(SupportPatches&, SupportPatch&, std::span<const LinearLoad>, const support::Vector3& motion);
 // At the end of the solve stage or of the relax stage.
 void end_spring_stage(SupportPatches&, SupportPatch&, bool is_soft, const BodyVelocity&);
+// Before the stage ends again, with other loads.
+void take_back_spring_stage(SupportPatches&, const SupportPatch&, bool is_soft);
 
 }  // namespace smartsurf::world

@@ -62,7 +62,7 @@ class TipSolver {
     float max_impulse = 0.0F;
     Vec3 load{0, 0, 0}, normal_load{0, 0, 0};  // J, and its part without friction, mass·u/s
     Vec3 yield_velocity{0, 0, 0};              // of the joints, in the substep, u/s
-    // Whether contacts press on it, friction holds one of them, and their normal impulses reach the limit.
+    // Contacts press on it; friction holds one of them; their normal impulses reach the limit.
     bool is_loaded = false, sticks = false, is_overloaded = false;
     bool response_changed = false;  // since the last substep
     // Motion in the step, u.

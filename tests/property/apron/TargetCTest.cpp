@@ -407,7 +407,7 @@ TEST(TargetC, SaysWhatAnIntegerCannotHold) {
   build.add(Opcode::kSurfaceStep);
   EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
             std::vector<std::string>{
-                "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
+                "test.aps:1: warning: 300 is not of type uint8: a board limits it to the type's values"});
 }
 
 TEST(TargetC, SaysWhatABoundaryOfIntegersCannotHold) {
@@ -420,7 +420,7 @@ TEST(TargetC, SaysWhatABoundaryOfIntegersCannotHold) {
   build.add(Opcode::kSurfaceStep);
   EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
             std::vector<std::string>{
-                "test.aps:2: warning: 2.5 is no uint8: a board limits it to the type's values"});
+                "test.aps:2: warning: 2.5 is not of type uint8: a board limits it to the type's values"});
 }
 
 TEST(TargetC, SaysWhatAMemberOfAClassCannotHold) {
@@ -433,7 +433,7 @@ TEST(TargetC, SaysWhatAMemberOfAClassCannotHold) {
   build.add(Opcode::kSurfaceStep);
   EXPECT_EQ(target_c::generate(build.finish(), {}, "program.h").warnings,
             std::vector<std::string>{
-                "test.aps:1: warning: 300 is no uint8: a board limits it to the type's values"});
+                "test.aps:1: warning: 300 is not of type uint8: a board limits it to the type's values"});
 }
 
 // A program whose C has all parts: edges, mathematics, integers, random numbers and scalars of run time.

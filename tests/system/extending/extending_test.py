@@ -281,7 +281,7 @@ class Refusals(Installed):
                       run(("surface_velocity_x[i] +=", "surface_velocity_x[i] = NAN +")))
 
     def test_an_extension_with_an_error_adds_nothing(self):
-        # Of a good actuator and a bad one, neither exists; so the script finds no 'belt'.
+        # An extension with a good and a bad actuator adds neither; the script finds no 'belt'.
         two = (".actuators = &belt, .actuator_count = 1", ".actuators = two, .actuator_count = 2")
         array = ("static const smartsurf_plugin plugin", "static smartsurf_plugin_actuator two[2];\nstatic const smartsurf_plugin plugin")
         fill = ("(void) { return &plugin; }", "(void) { two[0] = two[1] = belt; return &plugin; }")

@@ -80,7 +80,7 @@ class Checker {
     check_echo();
   }
 
-  // What the device had in force is safe, or one whole frame of ours.
+  // The values in force on the device are the safe ones, or one whole frame of ours.
   void check_echo() {
     const auto raw = controller.sensor<std::uint8_t>(echo);
     safe = std::ranges::all_of(raw, [](std::uint8_t r) { return r == 0; });

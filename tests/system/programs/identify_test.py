@@ -218,7 +218,7 @@ class Identification(ProgramTest):
         self.assertEqual(len(recorded), 4)  # cells three times, then the ball
 
     def test_no_cell_stops_in_a_minimum_beside_its_own(self):
-        # Of this draw one cell has such a minimum a tick later, with another gain.
+        # One cell of this draw has such a minimum, a tick later and with another gain.
         blind = load_blind()
         secret = blind.draw(6)
         self.write("identify.lua", blind.PUBLIC.read_text())
@@ -436,7 +436,7 @@ class Identification(ProgramTest):
         self.assertIn("-- There with --set low=-3\n", (self.folder / "identified.lua").read_text())
         (self.folder / "identified.lua").rename(self.folder / "first.lua")
         self.refused("is of another table", f"{recording},low=0", "--experiment", "public.lua", "-o", "identified.lua")
-        # What was identified is identified again: of the same recording the same.
+        # Identification of the same recording gives the same result.
         (self.folder / "identified.csv").rename(self.folder / "first.csv")
         first = (self.folder / "first.lua").read_text().replace("identified.csv", "first.csv")
         (self.folder / "first.lua").write_text(first)

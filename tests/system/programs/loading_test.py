@@ -80,7 +80,7 @@ class Loading(ProgramTest):
     def test_built_and_installed_files_have_no_relative_run_path(self):
         prefix = self.folder / "prefix"
         subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(prefix)], check=True, stdout=subprocess.DEVNULL)
-        # Of CMake's installed components, the wheel holds the one named python.
+        # The wheel holds the installed component named python.
         built = elf_files(BIN, *BIN.parent.glob("lib*"), BIN.parent / "python")
         installed = elf_files(prefix)
         self.assertGreater(len(built), 6)
@@ -147,7 +147,7 @@ class Loading(ProgramTest):
                                          (("landlock_create_ruleset",), {}, "note  landlock"), (("seccomp",), {}, "note  seccomp")):
             doctor = subprocess.run([ROOT / "scripts/doctor"], preexec_fn=refusing(*calls), env=os.environ | environment,
                                     cwd=self.folder, capture_output=True, text=True)
-            # Of the lines about confinement those that tell of something missing.
+            # Lines about confinement that report something missing.
             lines = re.findall(r"^  (?:WRONG|note ) (?:prctl|limits|landlock|seccomp)", doctor.stdout, re.MULTILINE)
             self.assertEqual([line.strip() for line in lines], [told] if told else [], doctor.stdout)
 

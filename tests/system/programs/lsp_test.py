@@ -145,7 +145,7 @@ class LanguageServer(unittest.TestCase):
         self.change(PROGRAM)
         self.sync()
         self.assertEqual(self.client.diagnostics[self.uri], [])
-        # Of an included file, open and with an error, and of a body that nothing calls.
+        # For an included file that is open and has an error in a body that nothing calls.
         self.open(MINE.replace(":t + $a", ":t + $b"), self.mine)
         self.sync()
         self.assertEqual([d["range"]["start"]["line"] for d in self.client.diagnostics[self.mine]][:1], [5])

@@ -14,8 +14,8 @@ LOAD = """
 import fs from 'node:fs';
 const html = fs.readFileSync('run.html', 'utf8');
 const part = (id) => html.match(new RegExp(`<script[^>]* id="${id}">([^]*?)</script>`))[1];
-for (const name of ['three', 'orbit', 'mechanisms', 'table'])
-  fs.writeFileSync(name + '.mjs', part('module-' + name).replace(/from '(three\\/)?(three|orbit|mechanisms)'/g, "from './$2.mjs'"));
+for (const name of ['three', 'mechanisms', 'table'])
+  fs.writeFileSync(name + '.mjs', part('module-' + name).replace(/from '(three|mechanisms)'/g, "from './$1.mjs'"));
 const load = (name) => import(process.cwd() + '/' + name + '.mjs');
 const unpacking = part('module-player').split('const state')[0].replace(/^import.*$/gm, '') + 'return { scene, series };';
 const AsyncFunction = (async () => {}).constructor;

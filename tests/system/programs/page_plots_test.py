@@ -8,10 +8,9 @@ NODE = shutil.which("node")
 
 LOAD = f"const folder = {json.dumps(str(ROOT / 'smartsurf/web'))};" + """
 import fs from 'node:fs';
-for (const [name, file] of [['three', 'three/three.module.min.js'], ['orbit', 'three/OrbitControls.js'], ['mechanisms', 'mechanisms.js'],
-                            ['table', 'table.js'], ['plots', 'plots.js']])
+for (const [name, file] of [['three', 'three/three.min.js'], ['mechanisms', 'mechanisms.js'], ['table', 'table.js'], ['plots', 'plots.js']])
   fs.writeFileSync(name + '.mjs', fs.readFileSync(`${folder}/${file}`, 'utf8')
-    .replace(/from '(three\\/)?(three|orbit|mechanisms|table)'/g, "from './$2.mjs'"));
+    .replace(/from '(three|mechanisms|table)'/g, "from './$1.mjs'"));
 const load = (name) => import(process.cwd() + '/' + name + '.mjs');
 const given = JSON.parse(fs.readFileSync('given.json', 'utf8'));
 const done = (made) => fs.writeFileSync('made.json', JSON.stringify(made));
@@ -44,6 +43,12 @@ done([0, 1, 7].map((frame) => { calls.length = 0; plots.draw(frame); return [...
 """
 
 
+NAMES = LOAD + """
+const three = await load('three'), source = ['table', 'mechanisms'].map((name) => fs.readFileSync(name + '.mjs', 'utf8')).join('');
+done(Object.fromEntries([...source.matchAll(/THREE\\.(\\w+)/g)].map(([, name]) => [name, name in three])));
+"""
+
+
 @unittest.skipUnless(NODE, "node is not installed")
 class PagePlots(ProgramTest):
     def made(self, script, given):
@@ -52,6 +57,11 @@ class PagePlots(ProgramTest):
         status, _, err = self.run_program(NODE, "play.mjs")
         self.assertEqual(status, 0, err)
         return json.loads((self.folder / "made.json").read_text())
+
+    def test_the_bundle_of_three_has_all_that_the_pages_use(self):
+        made = self.made(NAMES, None)
+        self.assertIn("Scene", made)
+        self.assertEqual([name for name, is_there in made.items() if not is_there], [])
 
     def test_texts_of_numbers(self):
         expected = [(2376, 0, "2376"), (2376, 2376, "2376"), (12345678, 3, "12345678"), (5e12, 5e12, "5e12"), (-5.01234e12, 5e12, "-5.012e12"),

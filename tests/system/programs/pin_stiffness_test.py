@@ -11,6 +11,7 @@ from scipy.optimize import nnls
 from programs import *
 
 DRAWS = int(os.environ.get("STIFFNESS_DRAWS", "3"))
+STACKS = int(os.environ.get("STIFFNESS_STACKS", "40"))
 G = 9.81
 RATES = (60, 120, 240, 960)
 
@@ -106,6 +107,57 @@ end)"""
                     self.assertAlmostEqual(got.sum(), weight, delta=1e-3 * weight)
                     self.assertLess(abs(got - right).max(), 0.01 * weight)
                     self.assertEqual(speed, 0)  # asleep
+
+    def stack(self):
+        """Bodies at rest on each other on level pins, and the pins' stiffness."""
+        u = self.random.uniform
+        spread = self.random.choice((0.3, 3))  # of the masses, in powers of ten
+        masses = [10 ** u(0, spread) for _ in range(self.random.randint(1, 5))]
+        bodies, z = [], 0
+        for level, mass in enumerate(masses):
+            width, height, shape = round(u(2.5, 4.5) if level == 0 else u(1.5, 3.5), 3), round(u(0.4, 1.2), 3), self.random.choice(("box", "cylinder", "hull"))
+            corners = ", ".join(f"{{{width / 2 * math.cos(k * math.pi / 3)}, {width / 2 * math.sin(k * math.pi / 3)}, {side * height / 2}}}" for k in range(6) for side in (-1, 1))
+            of_shape = {"box": f"size = {{ {width}, {width}, {height} }}", "cylinder": f"radius = {width / 2}, height = {height}", "hull": f"points = {{ {corners} }}"}[shape]
+            bodies.append(f"{shape} {{ {of_shape}, mass = {mass}, position = {{ x, y, {z + height / 2} }} }}")
+            z += height
+        # A softer bed sinks by more than 0.1 u.
+        stiffness = max(10 ** u(3, 12), 20 * sum(masses))
+        return {"bodies": bodies, "weight": sum(masses) * G, "stiffness": stiffness, "rate": self.random.choice(RATES), "iterations": self.random.choice((4, 10, 20, 80)),
+                "at": (round(5.5 + u(-0.5, 0.5), 3), round(5.5 + u(-0.5, 0.5), 3))}
+
+    def rest(self, s, pins):
+        """How far any body of a stack has risen in 4 s; then the greatest speed, the load and by how much the lowest body has sunk."""
+        lines = self.run_scene(f"""
+world {{ dt = 1 / {s['rate']}, control_period = 1 / {s['rate']}, iterations = {s['iterations']} }}
+material {{ name = 'default', friction = 0.5, restitution = 0 }}
+surface {{ rows = 12, columns = 12, sensors = {{ pressure {{ range = 1e12 }} }}, actuator = pin {{ {pins} }} }}
+local x, y = {s['at'][0]}, {s['at'][1]}
+local ids, starts, risen = {{ {', '.join(s['bodies'])} }}, {{}}, 0
+local function height(i) return select(3, object(ids[i]):position()) end
+at(0, function() for i = 1, #ids do starts[i] = height(i) end end)
+on_tick(function() for i = 1, #ids do risen = math.max(risen, height(i) - starts[i]) end end)
+on_finish(function()
+  local speed, load = 0, 0
+  for i = 1, #ids do for _, v in ipairs({{ object(ids[i]):velocity() }}) do speed = math.max(speed, math.abs(v)) end end
+  for row = 1, 12 do for column = 1, 12 do load = load + cells:truth('pressure', row, column) end end
+  print(string.format('%.9g %.9g %.9g %.9g', risen, speed, load, starts[1] - height(1)))
+end)""", 4)
+        return [float(number) for number in lines.split()[:4]]
+
+    def test_stacks_rest(self):
+        for draw in range(STACKS):
+            s = self.stack()
+            with self.subTest(draw=draw, **{name: s[name] for name in s}):
+                risen, speed, load, sunk = self.rest(s, f"stiffness = {s['stiffness']}")
+                if self.rest(s, "")[1] > 0.002:
+                    continue  # rigid pins do not bring it to rest either
+                self.assertLess(risen, 1e-4)
+                self.assertLess(speed, 0.002)
+                self.assertAlmostEqual(load, s["weight"], delta=0.01 * s["weight"])
+                # Between the depth on all pins that the lowest body may cover, and that on the smallest base.
+                softest, stiffest = s["weight"] / s["stiffness"] / 2, s["weight"] / s["stiffness"] / 25
+                self.assertGreater(sunk, 0.98 * stiffest if stiffest > 0.002 else -1e-4)
+                self.assertLess(sunk, 1.02 * softest + 0.003)
 
     def swing(self, rate, stiffness, damping, drop, seconds):
         """The heights of a plate of mass 25 over 36 level pins, from where it touches them or `drop` above, and its weight's depth."""

@@ -372,7 +372,7 @@ class Sweep(ProgramTest):
         folder = self.folder / "out/runs/part=parts_aä,seed=1"
         status = folder / "status"
         done, digest, _ = status.read_text().split(" ", 2)
-        # Of other options, and of an earlier version, whose folder may be that of parts/aä.
+        # The status file of a run with other options, and of an earlier version, whose folder may be that of parts/aä.
         for text, before in ((f'{done} {digest} {{"part": "parts/aä"}}', 1), (f"{done} {digest}", 1)):
             status.write_text(text)
             self.assertEqual(sweep("parts/aä,parts_aä"), (f"2 runs, {before}", both))
@@ -429,7 +429,7 @@ class Sweep(ProgramTest):
         self.assertEqual(kinds & {path.name for path in (self.folder / "out").iterdir()}, set())
 
     def test_missing_figures_are_counted(self):
-        # Of the values 1 to 4 of an option, each metric is set from a drawn one on, in the last 1 to 3 seeds.
+        # Each metric is set from a random one of the option's values 1 to 4 on, in some seeds.
         source = random.Random(7)
         starts = {f"m{i}": source.randint(1, 4) for i in range(6)}
         sets = " ".join(f"if n >= {start} and random(0, 1) < 0.7 then metric('{name}', n) end" for name, start in starts.items())
@@ -597,7 +597,7 @@ class Sweep(ProgramTest):
         written = [name for name in names if name.name == "chance.txt"]
         self.assertEqual(len({names[name].read_text() for name in written}), 3)
         self.assertEqual([names[name].read_text() for name in written], [single[name].read_text() for name in written])
-        # Of a world that fails nothing is left but what single runs leave.
+        # A world that fails leaves what a single run leaves.
         self.write("table.lua", TABLE + files + "at(0.05, function() if seed_digit < 0.5 then error('bad luck') end end)\n")
         self.assertEqual(self.sweep("--seeds", "2-6", "--worlds", "5", "--record")[0], 1)
         self.assertEqual({path.name for path in self.folder.glob("out/runs/*/*")},
@@ -829,7 +829,7 @@ exec {APRON} run {idle} --shm "$2"
 
             def figure(self, name):
                 return self.figures().get(name)
-        # Of four runs half have succeeded when the second has.
+        # Half of four runs have succeeded when the second has.
         runs = [Run(seed, time, b) for b in "12" for seed, time in enumerate((1.0, 2.0, 3.0, None))]
         sweep.plot(runs, "x", "success_s", 9.0, self.folder, SMARTSURF)
         medians = [layer for layer in charts[0]["layers"] if layer["mark"] == "line"]

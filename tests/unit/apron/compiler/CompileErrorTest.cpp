@@ -178,7 +178,7 @@ constexpr Wrong kWrong[] = {
     {"repeat(1e17)|endrepeat",
      "main.aps:1:8: error: 'repeat' counts up to 9007199254740991 at most, not to 1e+17"},
     {"repeat(0 / 0)|endrepeat",
-     "main.aps:1:10: error: 'repeat' takes a number of rounds, and this is none (NaN)"},
+     "main.aps:1:10: error: 'repeat' takes a number of rounds, not NaN"},
     {"for(i, 1, 9007199254740992)|endfor",
      "main.aps:1:1: error: 'for' counts from -9007199254740991 to 9007199254740991 at most, and its last value is "
      "9007199254740992"},

@@ -23,12 +23,9 @@ TEST(Listing, ShiftThenMinimumIsTwoInstructions) {
 }
 
 TEST(Listing, FormsOfOneInstruction) {
-  for (const char* form :
-       {"A = B + 1", "A = add(B, 1)", "A = core.add(B, 1)", "add(A, B, 1)", "core.add(A, B, 1)",
-        "r[A] = REGISTER[B] + 1", "r[0] = r[1] + 1", "A = B - -1 * -1 + 2 - 0"}) {
-    if (std::string(form).find("-1 *") != std::string::npos) continue;
+  for (const char* form : {"A = B + 1", "A = add(B, 1)", "A = core.add(B, 1)", "add(A, B, 1)",
+                           "core.add(A, B, 1)", "r[A] = REGISTER[B] + 1", "r[0] = r[1] + 1"})
     EXPECT_EQ(compiled(form), "add A, B, 1\n") << form;
-  }
   EXPECT_EQ(compiled("core.load(A, B)"), "copy A, B\n");
   EXPECT_EQ(compiled("mac(A, B, 2)"), "mac A, B, 2, A\n");
   EXPECT_EQ(compiled("A = mac(B, 2, C)"), "mac A, B, 2, C\n");

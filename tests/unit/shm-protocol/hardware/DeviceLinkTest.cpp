@@ -83,7 +83,6 @@ TEST(DeviceLink, ReceivesDeviceDescription) {
   EXPECT_FLOAT_EQ(d.channels[1].scale, 0.001F);
   EXPECT_TRUE(d.channels[2].sensor);
   EXPECT_FALSE(d.channels[3].sensor);
-  EXPECT_EQ(pair.link.sensor_elements(), 3 * kCells);
   EXPECT_EQ(pair.link.actuator_elements(), kCells);
 }
 

@@ -45,7 +45,7 @@ Recording record_two_trajectories(const std::filesystem::path& path) {
   return Recording::open(path);
 }
 
-TEST(TrajectoryPlot, SmallObjectsSolidLargeObjectsDashed) {
+TEST(TrajectoryPlot, FirstLabelSolidSecondDashed) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   write_plot(recording, "trajectories", out / "figure.png");
@@ -56,8 +56,8 @@ TEST(TrajectoryPlot, SmallObjectsSolidLargeObjectsDashed) {
   EXPECT_EQ(image.height(), static_cast<int>(std::ceil(2.0 * figure.height())));
   int blue = 0, orange = 0, samples = 0;
   for (double x = 10.0; x < 22.0; x += 0.05, ++samples) {
-    blue += image.is_blue(chart.px(x), chart.py(10.0));
-    orange += image.is_orange(chart.px(x), chart.py(20.0));
+    blue += image.is_blue(chart.px(x), chart.py(20.0));  // "large"
+    orange += image.is_orange(chart.px(x), chart.py(10.0));
   }
   EXPECT_EQ(blue, samples);          // solid between the marks
   EXPECT_GT(orange, samples * 0.5);  // 6 on, 3.5 off
@@ -72,9 +72,9 @@ TEST(TrajectoryPlot, DrawsStartEndAndBorder) {
   const Image image(out / "figure.png");
   const TrajectoryPlot figure(recording);
   const Chart& chart = figure.chart();
-  const double start = chart.px(26.0), end = chart.px(6.0), y = chart.py(10.0);
+  const double start = chart.px(5.0), end = chart.px(25.0), y = chart.py(20.0);
   EXPECT_TRUE(image.is_blue(start, y - 4.6));   // top of the O
-  EXPECT_FALSE(image.is_blue(start + 2.0, y));  // inside the O, on the side without a line
+  EXPECT_FALSE(image.is_blue(start - 2.0, y));  // inside the O, on the side without a line
   EXPECT_TRUE(image.is_blue(end - 3.0, y - 3.0));
   EXPECT_TRUE(image.is_blue(end + 3.0, y - 3.0));
   EXPECT_FALSE(image.is_blue(end, y - 4.6));
@@ -463,7 +463,7 @@ TEST(TrajectoryPlot, LinesHaveTheColoursOfTheObjects) {
   EXPECT_EQ(colours({{"a", orange}, {"b", blue}, {"a", white}}), "bob");
 }
 
-TEST(TrajectoryPlot, EqualSizesAreInNaturalOrder) {
+TEST(TrajectoryPlot, LabelsAreInNaturalOrder) {
   const OutputFolder out;
   for (const std::string prefix : {"class ", "", "Klasse 3."}) {
     const TrajectoryPlot figure = plot_movers(out, {{prefix + "10"}, {prefix + "2"}});
@@ -471,9 +471,9 @@ TEST(TrajectoryPlot, EqualSizesAreInNaturalOrder) {
     EXPECT_TRUE(image.is_orange(figure.chart().px(5.0) + 11.0, figure.chart().py(2.0))) << prefix;
     EXPECT_TRUE(image.is_blue(figure.chart().px(5.0) + 11.0, figure.chart().py(6.0))) << prefix;
   }
-  const TrajectoryPlot figure = plot_movers(out, {{"10", {}, 1.0}, {"2", {}, 1.5}});
-  EXPECT_TRUE(Image(out / "figure.png").is_blue(figure.chart().px(5.0) + 11.0, figure.chart().py(2.0)))
-      << "sizes come first";
+  const TrajectoryPlot figure = plot_movers(out, {{"", {}, 1.0}, {"a", {}, 2.0}});
+  EXPECT_TRUE(Image(out / "figure.png").is_blue(figure.chart().px(5.0) + 11.0, figure.chart().py(6.0)))
+      << "objects without a label are last";
 }
 
 TEST(TrajectoryPlot, TwoLabelsDivideNoTable) {

@@ -37,7 +37,7 @@ TEST(Page, IsSelfContained) {
   SyntheticRun run;
   write_page(write_recording(out / "run.h5", run, 10), out / "run.html");
   const std::string page = read_text(out / "run.html");
-  for (const char* place : {"{{TITLE}}", "{{SCENE}}", "{{FRAMES}}", "{{THREE}}", "{{ORBIT}}", "{{PLAYER}}"})
+  for (const char* place : {"{{TITLE}}", "{{SCENE}}", "{{FRAMES}}", "{{THREE}}", "{{PLAYER}}"})
     EXPECT_EQ(page.find(place), page.npos) << place << " was left open";
   EXPECT_NE(page.find("experiment.lua"), page.npos);
   EXPECT_NE(page.find("The MIT License"), page.npos);

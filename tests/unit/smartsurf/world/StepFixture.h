@@ -34,7 +34,7 @@ struct StepFixture {
   explicit StepFixture(int side, float friction = 0.5F, float restitution = 0.0F, float gravity = kGravity)
       : field(make_flat_field(side)),
         settings{kDt, 4, Vec3(0, 0, -gravity), {0.0F, std::sqrt(friction), 0.0F, restitution}},
-        pipeline(field, kDt, settings.substeps, kNoGround),
+        pipeline(field, kDt, settings.substeps, kNoGround, gravity),
         solver(settings) {
     material.friction = friction;
     material.rolling_friction = 0.0;
