@@ -73,21 +73,16 @@ bool RestLoads::is_incomplete() const {
 bool RestLoads::collect_island(const BodyStore& bodies, std::int32_t from, const SleepingContacts& contacts) {
   island_.assign(1, from);
   index_of_body_[from] = 0;
-  const auto add = [&](std::int32_t other) {
-    if (index_of_body_[other] >= 0 || !bodies.asleep[other]) return;
-    index_of_body_[other] = static_cast<std::int32_t>(island_.size());
-    island_.push_back(other);
-  };
   bool has_joints = false;
   for (std::size_t k = 0; k < island_.size(); ++k) {
     has_joints |= bodies.is_jointed[island_[k]] != 0;
-    bodies.for_each_linked(island_[k], add);
-    contacts.for_each_neighbour(island_[k], add);
+    contacts.for_each_neighbour(island_[k], [&](std::int32_t other) {
+      if (index_of_body_[other] >= 0 || !bodies.asleep[other]) return;
+      index_of_body_[other] = static_cast<std::int32_t>(island_.size());
+      island_.push_back(other);
+    });
   }
-  if (island_.size() > LargeBlockCholesky::kMaxRows) return false;
-  return !has_joints || std::ranges::all_of(bodies.links, [this](const BodyLink& link) {
-    return link.is_rigid || (!is_in_island(link.a) && !is_in_island(link.b));
-  });
+  return !has_joints && island_.size() <= LargeBlockCholesky::kMaxRows;
 }
 
 void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
@@ -97,9 +92,6 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
     radius_.push_back(bodies.bounding_radius[body]);
     inverse_radius_.push_back(1.0 / radius_.back());
   }
-  if (std::ranges::any_of(island_, [&](std::int32_t body) { return bodies.is_jointed[body] != 0; }))
-    for (const BodyLink& link : bodies.links)
-      if (is_in_island(link.a) || is_in_island(link.b)) add_weld(bodies, link);
   for (const std::int32_t body : island_) {
     Vec3 normal = Vec3::Zero();
     Vec3d moment = Vec3d::Zero();
@@ -129,30 +121,6 @@ void RestLoads::add_rows(const BodyStore& bodies, SleepingContacts& contacts) {
           rest.on_a[3 + k] -= rows_[row].start * rows_[row].on_a[3 + k];
       }
     });
-  }
-}
-
-// The force and the moment of a fixed joint, which may be any: all of its bodies bear as one.
-void RestLoads::add_weld(const BodyStore& bodies, const BodyLink& link) {
-  constexpr double kWeldWeight = 100.0;  // relative to that of the island
-  double mass = 0.0;
-  for (const std::int32_t body : island_) mass += static_cast<double>(bodies.mass[body]);
-  const double weight = kWeldWeight * mass * static_cast<double>(settings_.gravity.norm()) * settings_.dt_s;
-  const std::int32_t a = index_of_body_[is_in_island(link.a) ? link.a : link.b];
-  const std::int32_t b = is_in_island(link.a) && is_in_island(link.b) ? index_of_body_[link.b] : -1;
-  const Vec3d arm = b >= 0 ? to_double(bodies.position[link.a] - bodies.position[link.b]) : Vec3d::Zero();
-  for (int axis = 0; axis < 6; ++axis) {
-    Row& r = add_row(a, b);
-    r.weight = weight;
-    r.on_a[axis] = 1.0;
-    if (b < 0) continue;
-    if (axis >= 3) {
-      r.on_b[axis] = -radius_[a] * inverse_radius_[b];
-      continue;
-    }
-    r.on_b[axis] = -1.0;
-    const Vec3d moment = arm.cross(Vec3d::Unit(axis)) * inverse_radius_[b];
-    for (int k = 0; k < 3; ++k) r.on_b[3 + k] = -moment[k];
   }
 }
 

@@ -32,8 +32,8 @@ class RestLoads {
 
   // Balances the loads in `contacts` of the islands of these bodies, which are asleep, each once.
   // `pair_contacts`: of the step, with those of sleepers that bear bodies which are awake. Islands with
-  // joints that move, large ones, and those that no plausible loads balance keep their loads; those of some
-  // size that touch what is awake keep them until that sleeps.
+  // joints, large ones, and those that no plausible loads balance keep their loads; those of some size that
+  // touch what is awake keep them until that sleeps.
   void balance(const BodyStore&, std::span<const std::int32_t> fallen, const ContactList& pair_contacts,
                SleepingContacts& contacts);
   // Passes over islands, in bodies, that all calls took.
@@ -63,13 +63,7 @@ class RestLoads {
   std::span<const Touch> touches_of(std::int32_t body) const;
   bool is_incomplete() const;
   bool collect_island(const BodyStore&, std::int32_t from, const SleepingContacts&);
-  bool is_in_island(std::int32_t body) const {
-    if (body < 0 || index_of_body_[body] < 0) return false;
-    const auto place = static_cast<std::size_t>(index_of_body_[body]);
-    return place < island_.size() && island_[place] == body;
-  }
   void add_rows(const BodyStore&, SleepingContacts&);
-  void add_weld(const BodyStore&, const BodyLink&);
   void add_contact(const BodyStore&, const Manifold&, Contact&);
   void add_patch(SupportPatch&, SupportSamples&, const Vec3& normal, float limit);
   Row& add_row(std::int32_t a, std::int32_t b);
