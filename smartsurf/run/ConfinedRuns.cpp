@@ -14,6 +14,7 @@
 #include <optional>
 #include <stdexcept>
 #include <system_error>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -144,8 +145,13 @@ std::unique_ptr<ConfinedRuns> ConfinedRuns::confine(std::span<RunOptions> runs,
 ConfinedRuns::ConfinedRuns(std::span<const RunOptions> runs) : prepared_(std::make_unique<Prepared>()) {
   const std::vector<std::string> names = unnamed_segments(runs);
   if (names.empty()) return;
+  // For a moment a segment may still look alive, or another cleaner may hold its lock.
   guardian_ = std::make_unique<common::Guardian>([&names] {
-    for (const std::string& name : names) shm_protocol::remove_orphans_of(name);
+    using namespace std::chrono_literals;
+    const auto deadline = std::chrono::steady_clock::now() + 5s;
+    for (const std::string& name : names)
+      while (!shm_protocol::remove_orphans_of(name) && std::chrono::steady_clock::now() < deadline)
+        std::this_thread::sleep_for(10ms);
   });
 }
 

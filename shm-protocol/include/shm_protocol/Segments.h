@@ -30,7 +30,8 @@ std::vector<SegmentInfo> list_segments();
 // verified under the segment's lock, so that concurrent cleaners, or a cleaner and a starting surface, never
 // remove the segment of a living surface.
 std::vector<SegmentInfo> remove_orphans(const std::string& prefix = "");
-// Likewise what dead surfaces of exactly that name have left, complete or under construction.
-void remove_orphans_of(const std::string& name);
+// Likewise what dead surfaces of exactly that name have left, complete or under construction. Returns true if
+// no file of the name is left: false if a surface of that name lives, or another cleaner is at work.
+bool remove_orphans_of(const std::string& name);
 
 }  // namespace shm_protocol

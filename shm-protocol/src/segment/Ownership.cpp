@@ -119,9 +119,12 @@ std::vector<SegmentInfo> remove_orphans(const std::string& prefix) {
   return removed;
 }
 
-void remove_orphans_of(const std::string& name) {
-  remove_if_orphan(file_name(name));
-  for (const std::string& file : files_in_shm(file_name(name) + kBuildMarker)) remove_if_orphan(file);
+bool remove_orphans_of(const std::string& name) {
+  const std::string file = file_name(name);
+  remove_if_orphan(file);
+  for (const std::string& built : files_in_shm(file + kBuildMarker)) remove_if_orphan(built);
+  return ::access((std::string(kShmDirectory) + "/" + file).c_str(), F_OK) != 0 &&
+         files_in_shm(file + kBuildMarker).empty();
 }
 
 }  // namespace shm_protocol

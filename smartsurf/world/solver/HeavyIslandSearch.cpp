@@ -461,11 +461,10 @@ void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
   const auto island_of = [&](const ElasticPatch& e) { return island_of_row_[e.patch->row]; };
   std::ranges::sort(elastic_patches_, {},
                     [&](const ElasticPatch& e) { return std::pair(island_of(e), e.body); });
-  for (std::size_t i = 0; i < islands_.size(); ++i) {
-    const auto of_island =
-        std::ranges::equal_range(elastic_patches_, static_cast<std::int32_t>(i), {}, island_of);
-    islands_[i].first_elastic = static_cast<std::int32_t>(of_island.begin() - elastic_patches_.begin());
-    islands_[i].elastic_count = static_cast<std::int32_t>(of_island.size());
+  for (Island& island : islands_) island.elastic_count = 0;
+  for (std::size_t i = 0; i < elastic_patches_.size(); ++i) {
+    Island& island = islands_[island_of(elastic_patches_[i])];
+    if (island.elastic_count++ == 0) island.first_elastic = static_cast<std::int32_t>(i);
   }
 }
 

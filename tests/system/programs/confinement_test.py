@@ -1,5 +1,6 @@
 """What foreign code in a reader or an interpreter could do: a preloaded library (attack.c) tries it from inside."""
 import ctypes
+import fcntl
 import re
 import shutil
 import struct
@@ -295,6 +296,17 @@ class Confinement(ProgramTest):
                 end(child.pid, signal.SIGKILL)
                 child.wait()
                 self.wait_for_no_segment(child)
+
+    def test_killed_run_leaves_no_segment_that_another_cleaner_has_locked(self):
+        child = self.start_unnamed()
+        self.wait_for(lambda: len(self.segments(child)) == 1 and "~" not in str(self.segments(child)), "the segment")
+        with open(f"/dev/shm/{self.segments(child)[0]}", "rb") as segment:
+            fcntl.flock(segment, fcntl.LOCK_EX)
+            child.kill()
+            child.wait()
+            time.sleep(1)
+            self.assertTrue(self.segments(child))
+        self.wait_for_no_segment(child)
 
     def test_run_whose_broker_or_guardian_is_killed_leaves_no_segment(self):
         """Its children are the guardian and the broker, which has started the controller."""
