@@ -229,7 +229,7 @@ bool is_of_actuator(const SceneSpec& s, const std::string& channel) {
   return std::ranges::find(actuators, channel, &scene::ActuatorChannel::name) != actuators.end();
 }
 
-// Of a fault without a value: true for 1, false for 0; refuses any other number.
+// The number says whether the cell has the fault: 1 sets it, 0 clears it, any other is refused.
 bool is_set(const SceneSpec& s, const std::string& channel, const std::string& fault, int row, int column,
             double number) {
   if (number == 0.0 || number == 1.0) return number == 1.0;

@@ -195,7 +195,8 @@ class CollisionPipeline {
   void move_static_points(const BodyStore&, std::size_t body, std::span<Contact>) const;
   void find_support(const BodyStore&, std::size_t body, float margin, std::size_t field_contacts,
                     SlabResults& results) const;
-  // Of the tops under a body on which they are springs, mass/s². `patch`: of the last step, in `previous`.
+  // The stiffness up to which the tops under a body act as springs, mass/s²; stiffer ones are rigid. `patch`:
+  // index in `previous` of the body's patch of the last step.
   float greatest_elastic_stiffness(const BodyStore&, std::size_t body, const SupportPatches* previous,
                                    std::int32_t patch, std::span<const Contact>) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);

@@ -1,5 +1,6 @@
-// Vectors as rows of four floats, the last of which is 0, for code that moves one body at a time: a body's
-// row (BodyRows.h) is two of them. Sums are in Eigen's order, so that rows give the bits that Vec3 gives.
+// Vectors as rows of four floats, the last of which does not count, for code that moves one body at a time: a
+// body's row (BodyRows.h) is two of them. Sums are in Eigen's order, so that rows give the bits that Vec3
+// gives.
 #pragma once
 
 #include "smartsurf/world/body/Vec.h"

@@ -584,7 +584,7 @@ void add_outliers(const SupportPatch& patch, const SupportPatches& list, std::sp
   }
 }
 
-// Of the elastic tops that would bear the face if they were rigid.
+// The sum of the stiffnesses of the elastic tops that would bear the face if they were rigid, mass/s².
 float stiffness_under(const BearingContacts& bearing, std::span<const Sample> samples) {
   float stiffness = 0.0F;
   for (const Sample& s : samples)

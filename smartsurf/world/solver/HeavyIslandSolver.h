@@ -6,8 +6,8 @@
 // sinks into a table on four legs of a kilogram, and a corbel falls. In such islands the normal impulses are
 // solved at once after each sweep: the velocity changes of all bodies, with the contacts as springs in series
 // with the rigid bodies, and the set of contacts that bear, and of those that stick, by iteration (an active
-// set). The springs of elastic tops and fixed
-// joints, hard springs that bear in any direction, are solved with them.
+// set). The springs of elastic tops, and fixed joints, hard springs that bear in any direction, are solved
+// with them.
 #pragma once
 
 #include <cstdint>

@@ -195,7 +195,7 @@ class ImpactSolver {
     std::vector<Change>& changes;
     int sweep;
     std::size_t place;
-    // Of a change to one of the point's two bodies.
+    // The place of a change to one of the point's two bodies among those of a serial sweep; `side`: 0 or 1.
     std::uint64_t order(std::uint64_t side) const {
       return static_cast<std::uint64_t>(sweep) << 32U | place << 1U | side;
     }
