@@ -474,8 +474,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
   for (int pass = 0; changed && pass < kMaxPasses; ++pass) {
     assemble(of, matrix, {b, static_cast<std::size_t>(BlockCholesky::kSize * island.body_count)});
     for (ElasticPatch& e : elastic) e.assemble(data, matrix, b);
-    if (!matrix.factor()) return give_up();
-    matrix.solve(b);
+    if (!matrix.factor_and_solve(b)) return give_up();
     changed = false;
     for (Point& p : of.points)
       changed |= p.follow(b, static_cast<double>(points.point[p.index].friction[p.lane]));
