@@ -52,11 +52,7 @@ void ColumnSat::add_box(const ConvexProxy& proxy) {
     add(n, at - reach, bias);
     add(-n, -at - reach, bias);
   };
-  first_feature_ = axes_.size();
-  for (std::uint16_t i = 0; i < 3; ++i) {
-    add_both_ways(proxy.axes.col(i), 0.0F);
-    note_feature(i, i);
-  }
+  for (int i = 0; i < 3; ++i) add_both_ways(proxy.axes.col(i), 0.0F);
   for (int i = 0; i < 3; ++i)
     for (int k = 0; k < 3; ++k) {
       const Vec3 n = proxy.axes.col(i).cross(Vec3::Unit(k));
@@ -183,7 +179,7 @@ std::optional<ColumnSat::BestAxis> ColumnSat::nearer_edge_axis() const {
 }
 
 float ColumnSat::separation_of_other_features(const Vec3& face_normal) const {
-  constexpr float kSameSquared = 1e-6F, kMinLowerZ = 0.5F;
+  constexpr float kSameSquared = 1e-6F, kMinLowerZ = 0.8F;
   const auto normal = [this](std::size_t i) { return Vec3(axes_.x[i], axes_.y[i], axes_.z[i]); };
   int face = -1;
   for (std::size_t k = 0; k < faces_of_feature_.size() && face < 0; ++k)

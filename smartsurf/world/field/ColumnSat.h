@@ -35,8 +35,8 @@ class ColumnSat {
   // The edge axis of greatest separation from the last column, if that is greater than along the axis found,
   // which won by the penalty of edge axes.
   std::optional<BestAxis> nearer_edge_axis() const;
-  // The greatest separation from the last column along the normals of a box's or hull's lower faces and edges
-  // other than the chosen axis, this face (its outward normal) and its edges; -infinity without any.
+  // The greatest separation from the last column along the normals of a hull's lower faces and edges other than
+  // the chosen axis, this face (its outward normal) and its edges; -infinity without any.
   float separation_of_other_features(const Vec3& face_normal) const;
 
  private:
@@ -58,7 +58,7 @@ class ColumnSat {
   bool find_radial_axis(const Column&, BestAxis& out) const;
 
   AxisList axes_;
-  // The axes of a box's faces or a hull's faces and edges, with the adjacent faces.
+  // The axes of a hull's faces and edges, with the adjacent faces.
   std::size_t first_feature_ = 0;
   std::vector<std::array<std::uint16_t, 2>> faces_of_feature_;
   std::size_t chosen_ = 0;                  // the axis found

@@ -280,12 +280,12 @@ class PartOnField {
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
     // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part
     // may be deeper than the corners of its face.
-    const float tolerance = is_polyhedral ? kEdgeTolerance : kTolerance;
+    const float tolerance = is_polyhedral && !part_.hull ? kBoxEdgeTolerance : kTolerance;
     if (!(found.min_separation() <= axis.separation + tolerance)) {
       if (is_polyhedral) add(p, found, out);
       found.clear();
       // Along faces that do not touch, the separation is none of any point.
-      const std::optional<Escape> edge = is_polyhedral ? sat.nearer_edge_axis() : std::nullopt;
+      const std::optional<Escape> edge = part_.hull ? sat.nearer_edge_axis() : std::nullopt;
       if (!add_edge_crossing(edge ? support_feature(part_, centre_, axes_, -edge->normal) : part_feature,
                              p.column, edge.value_or(axis), found))
         return is_polyhedral ? add_closest(p, edge.value_or(axis), out) : collide_with_gjk(p, axis, out);
@@ -536,7 +536,7 @@ class PartOnField {
   }
 
   static constexpr float kMaxRimNormalZ = 0.75F;
-  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kEdgeTolerance = 2e-4F;  // u
+  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kBoxEdgeTolerance = 4e-3F;  // u
   const Columns& columns_;
   const ConvexPart& part_;
   const Vec3& centre_;

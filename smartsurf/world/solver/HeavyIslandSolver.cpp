@@ -17,7 +17,7 @@ constexpr double kCompliance = 1e-3;
 // The part of a steady load that deflects no spring; see SubstepParams::steady_share.
 constexpr double kSteadyShare = 0.8;
 constexpr int kMaxPasses = 12, kMaxSwitches = 48;
-// A point that slips has at least this share of the friction that its load allows.
+// Of pressed islands: a point that slips has at least this share of the friction that its load allows.
 constexpr double kSlippingShare = 0.9;
 // Compliance of a fixed joint, relative to what its two bodies give way by.
 constexpr double kWeldCompliance = 1e-8;
@@ -83,6 +83,7 @@ void HeavyIslandSolver::set_axes(Point& p, const BatchPoints& points, const Solv
     if (const float inverse_mass = rows.velocity[p.row[side]].inverse_mass; inverse_mass > 0.0F)
       p.least_inverse_mass = std::min(p.least_inverse_mass, static_cast<double>(inverse_mass));
   }
+  p.slipping_share = island.is_pressed ? kSlippingShare : 0.0;
   p.least_compliance = kCompliance * (island.is_pressed ? island.least_inverse_mass : p.least_inverse_mass);
 }
 
@@ -354,7 +355,7 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   }
   const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
   // If friction points along the slip, or is less than the load allows, the point sticks.
-  if (!sticks && bears && (work < 0.0 || length < kSlippingShare * limit) && !stuck_again)
+  if (!sticks && bears && (work < 0.0 || length < slipping_share * limit) && !stuck_again)
     return sticks = stuck_again = true;
   if (length <= limit) return changed;
   changed |= sticks && bears;

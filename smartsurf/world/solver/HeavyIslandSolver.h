@@ -131,6 +131,7 @@ class HeavyIslandSolver {
     bool yields;                // as a soft contact
     double least_inverse_mass;  // of the two bodies
     double least_compliance;
+    double slipping_share;  // of the friction that its load allows: one that has less than this sticks again
     double steady_impulse;  // normal, of the last relax stage
     // Normal, and the vector of friction: before the sweep; during solve_island(), after it.
     float impulse[4];
