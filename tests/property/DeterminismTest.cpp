@@ -90,5 +90,5 @@ TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
   EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics35");
   EXPECT_EQ(hash_after(3.0), 0xa7fc697df6dd3815U);
-  EXPECT_EQ(hash_of_crowd(1), 0x338389481cf377d9U);
+  EXPECT_EQ(hash_of_crowd(1), 0x941ead095d8daa63U);
 }
