@@ -88,7 +88,7 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics34");
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics35");
   EXPECT_EQ(hash_after(3.0), 0xa7fc697df6dd3815U);
   EXPECT_EQ(hash_of_crowd(1), 0x941ead095d8daa63U);
 }

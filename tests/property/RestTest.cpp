@@ -6,6 +6,7 @@
 #include <numeric>
 #include <random>
 
+#include "smartsurf/mesh/SolidBuilder.h"
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;
@@ -60,6 +61,41 @@ TEST_P(UnevenBed, BearsTheWeightAndHoldsStill) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Steps, UnevenBed, testing::Values(1.0 / 60, 1.0 / 240));
+
+class HullsOnPins : public Rest {};
+
+// Flat hulls of 6 to 20 points rock from edge to edge, and lose by it what they have. One may still move a
+// little.
+TEST_P(HullsOnPins, StopRocking) {
+  int moving = 0;
+  for (unsigned seed = 71; seed < 101; ++seed) {
+    random.seed(seed);
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = GetParam();
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c)
+        fixture.cells().set_target(0, r, c, static_cast<float>(1.0 + draw(0.0, 0.6)));
+    fixture.run(1.0);
+    std::vector<scene::ObjectId> hulls;
+    for (int i = 0; i < 25; ++i) {
+      std::vector<Eigen::Vector3d> points(static_cast<std::size_t>(draw(6, 20)));
+      for (Eigen::Vector3d& p : points) p = {draw(-1, 1), draw(-1, 1), draw(-0.3, 0.3)};
+      scene::ObjectSpec o;
+      o.shape = scene::ShapeKind::kSolid;
+      o.solid = std::make_shared<scene::Solid>(mesh::build_hull_solid(points));
+      o.position = {3.0 + 6 * (i % 5) + draw(0.0, 0.5), 3.0 + 6 * (i / 5) + draw(0.0, 0.5), 3.0};
+      o.mass = 1;
+      const Eigen::Vector3d axis(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+      o.orientation = Eigen::AngleAxisd(draw(0, 6), axis.normalized());
+      hulls.push_back(fixture.add(o));
+    }
+    fixture.run(25.0);
+    for (const scene::ObjectId id : hulls)
+      if (fixture.angular_velocity(id).norm() > 0.01F) ++moving;
+  }
+  EXPECT_LE(moving, 1) << "of 750";
+}
+INSTANTIATE_TEST_SUITE_P(Steps, HullsOnPins, testing::Values(1.0 / 60, 1.0 / 240));
 
 class SleepingStack : public Rest {};
 

@@ -22,6 +22,7 @@ void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
 
 void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
   axes_.clear();
+  faces_of_feature_.clear();
   separating_axis_ = 0;
   centre_ = proxy.centre;
   round_proxy_.reset();
@@ -36,6 +37,12 @@ void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high)
     add(Vec3::Unit(i), low[i], 0.0F);
     add(-Vec3::Unit(i), -high[i], 0.0F);
   }
+}
+
+// The axes added since the last call are those of a face, or of the edge between two.
+void ColumnSat::note_feature(std::size_t left, std::size_t right) {
+  faces_of_feature_.resize(axes_.size() - first_feature_,
+                           {static_cast<std::uint16_t>(left), static_cast<std::uint16_t>(right)});
 }
 
 void ColumnSat::add_box(const ConvexProxy& proxy) {
@@ -58,11 +65,13 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
   const auto& faces = hull.hull->faces;
   const Vec3 down = -proxy.axes.row(2).transpose();  // in the hull's axes
   for (std::vector<float>& components : face_normals_) components.resize(faces.size());
+  first_feature_ = axes_.size();
   for (std::size_t f = 0; f < faces.size(); ++f) {
     for (int k = 0; k < 3; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
     if (faces[f].normal.dot(down) < kMinAxisZ) continue;
     const Vec3 n = proxy.axes * -faces[f].normal;
     add(n, n.dot(proxy.centre) - faces[f].offset, 0.0F);
+    note_feature(f, f);
   }
   for (const ConvexHullShape::Edge& e : hull.edges)
     for (int k = 0; k < 3; ++k) {
@@ -75,6 +84,7 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
       if (length < 1e-6F || outward.dot(down) < kMinAxisZ * length) continue;
       const Vec3 n = proxy.axes * (outward / -length);
       add(n, n.dot(proxy.centre) - outward.dot(hull.hull->vertices[e.corner]) / length, kEdgeBias);
+      note_feature(e.left, e.right);
     }
 }
 
@@ -148,6 +158,7 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestA
       return true;
     }
   }
+  chosen_ = chosen;
   // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
   const Vec3 from_column(centre_.x() - 0.5F * (q.west + q.east), centre_.y() - 0.5F * (q.south + q.north),
@@ -157,6 +168,31 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestA
       over_bridge > out.separation + kBridgeShortcut)
     return false;
   return true;
+}
+
+std::optional<ColumnSat::BestAxis> ColumnSat::nearer_edge_axis() const {
+  std::size_t nearest = chosen_;
+  for (std::size_t i = 0; i < axes_.size(); ++i)
+    if (axes_.bias[i] > 0.0F && separation_[i] > separation_[nearest]) nearest = i;
+  if (nearest == chosen_) return std::nullopt;
+  return BestAxis{Vec3(axes_.x[nearest], axes_.y[nearest], axes_.z[nearest]), separation_[nearest]};
+}
+
+float ColumnSat::separation_of_other_features(const Vec3& face_normal) const {
+  constexpr float kSameSquared = 1e-6F, kMinLowerZ = 0.8F;
+  const auto normal = [this](std::size_t i) { return Vec3(axes_.x[i], axes_.y[i], axes_.z[i]); };
+  int face = -1;
+  for (std::size_t k = 0; k < faces_of_feature_.size() && face < 0; ++k)
+    if ((normal(first_feature_ + k) + face_normal).squaredNorm() < kSameSquared)
+      face = faces_of_feature_[k][0];
+  float greatest = -std::numeric_limits<float>::infinity();
+  for (std::size_t k = 0; k < faces_of_feature_.size(); ++k) {
+    const std::size_t i = first_feature_ + k;
+    if (separation_[i] > greatest && i != chosen_ && axes_.z[i] > kMinLowerZ &&
+        faces_of_feature_[k][0] != face && faces_of_feature_[k][1] != face)
+      greatest = separation_[i];
+  }
+  return greatest;
 }
 
 }  // namespace smartsurf::world

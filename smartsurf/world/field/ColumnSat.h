@@ -5,6 +5,8 @@
 // part's projection on each axis is computed once for all columns.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -30,6 +32,12 @@ class ColumnSat {
   // - the way out over a bridge is much shorter and the axis found is no side's, but the part stands `beside`
   //   the column.
   bool find_best_axis(const Column&, float margin, bool beside, BestAxis& out);
+  // The edge axis of greatest separation from the last column, if that is greater than along the axis found,
+  // which won by the penalty of edge axes.
+  std::optional<BestAxis> nearer_edge_axis() const;
+  // The greatest separation from the last column along the normals of a hull's lower faces and edges other than
+  // the chosen axis, this face (its outward normal) and its edges; -infinity without any.
+  float separation_of_other_features(const Vec3& face_normal) const;
 
  private:
   // One entry per axis.
@@ -43,12 +51,17 @@ class ColumnSat {
     float separation(std::size_t i, const Column&) const;
   };
   void add(const Vec3& normal, float min_projection, float bias);
+  void note_feature(std::size_t left, std::size_t right);
   void add_box(const ConvexProxy&);
   void add_hull(const ConvexProxy&);
   void add_axisymmetric(const ConvexProxy&);
   bool find_radial_axis(const Column&, BestAxis& out) const;
 
   AxisList axes_;
+  // The axes of a hull's faces and edges, with the adjacent faces.
+  std::size_t first_feature_ = 0;
+  std::vector<std::array<std::uint16_t, 2>> faces_of_feature_;
+  std::size_t chosen_ = 0;                  // the axis found
   Vec3 centre_{0, 0, 0};                    // of the part
   std::optional<ConvexProxy> round_proxy_;  // of an axisymmetric part
   std::vector<float> separation_;           // along each axis

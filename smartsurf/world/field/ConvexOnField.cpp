@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <span>
 
 #include "smartsurf/world/field/ColumnSat.h"
@@ -56,6 +57,10 @@ class PartOnField {
     collide_all();
     return candidates_;
   }
+
+  // By how much the face that search() chose on each column is nearer than any other of the part, u, at
+  // least.
+  float lead() const { return lead_; }
 
   // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
   // force limit. Cells inside a level patch, with more of the part on all four sides, get one averaged
@@ -260,6 +265,7 @@ class PartOnField {
     if (facing_normal_ != facing)
       facing_normal_ = facing, facing_feature_ = support_feature(part_, centre_, axes_, -facing);
     const SupportFeature& part_feature = facing_feature_;
+    lead_ = std::min(lead_, axis.separation - sat.separation_of_other_features(part_feature.normal));
     if (is_up) {
       add_top_patch(part_feature, p.column, found);
       // An underside bears on the area that it shares with elastic tops, also deeper than the rounded cores
@@ -274,12 +280,15 @@ class PartOnField {
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
     // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part
     // may be deeper than the corners of its face.
-    const float tolerance = is_polyhedral ? kEdgeTolerance : kTolerance;
+    const float tolerance = is_polyhedral && !part_.hull ? kBoxEdgeTolerance : kTolerance;
     if (!(found.min_separation() <= axis.separation + tolerance)) {
       if (is_polyhedral) add(p, found, out);
       found.clear();
-      if (!add_edge_crossing(part_feature, p.column, axis, found))
-        return is_polyhedral ? add_closest(p, axis, out) : collide_with_gjk(p, axis, out);
+      // Along faces that do not touch, the separation is none of any point.
+      const std::optional<Escape> edge = part_.hull ? sat.nearer_edge_axis() : std::nullopt;
+      if (!add_edge_crossing(edge ? support_feature(part_, centre_, axes_, -edge->normal) : part_feature,
+                             p.column, edge.value_or(axis), found))
+        return is_polyhedral ? add_closest(p, edge.value_or(axis), out) : collide_with_gjk(p, axis, out);
     }
     add(p, found, out);
   }
@@ -527,7 +536,7 @@ class PartOnField {
   }
 
   static constexpr float kMaxRimNormalZ = 0.75F;
-  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kEdgeTolerance = 4e-3F;  // u
+  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F, kBoxEdgeTolerance = 4e-3F;  // u
   const Columns& columns_;
   const ConvexPart& part_;
   const Vec3& centre_;
@@ -539,6 +548,7 @@ class PartOnField {
   bool centre_is_free_;          // no cell reaches up to the part's centre
   Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
+  float lead_ = std::numeric_limits<float>::infinity();
   Candidates& candidates_ = empty_candidates();
 };
 
@@ -608,16 +618,19 @@ void append_reduced(std::span<const Contact> contacts, std::vector<Contact>& out
   reduce_planes(candidates, [&](const ManifoldCandidate& c) { out.push_back(contacts[c.tag]); });
 }
 
-void collect_field_candidates(const surface::Field& field, const Shape& shape, const Vec3& centre,
-                              const Mat3& axes, float margin, std::vector<FieldCandidate>& out) {
+float collect_field_candidates(const surface::Field& field, const Shape& shape, const Vec3& centre,
+                               const Mat3& axes, float margin, std::vector<FieldCandidate>& out) {
   int part_index = 0;
+  float lead = std::numeric_limits<float>::infinity();
   for_each_part_on_field(field, nullptr, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
     Candidates& candidates = part_on_field.search();
     sort_by_plane(candidates, [&](const ManifoldCandidate& c, int plane) {
       out.push_back({c, part_index, plane});
     });
+    lead = std::min(lead, part_on_field.lead());
     ++part_index;
   });
+  return lead;
 }
 
 void collide_shape_with_ground(const Shape& shape, const Vec3& centre, const Mat3& axes, float ground_height,

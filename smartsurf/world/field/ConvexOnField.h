@@ -34,9 +34,10 @@ struct FieldCandidate {
   int part_index, plane;  // plane: of the part
 };
 // Appends all points from which collide_shape_with_field() selects, part by part and plane by plane. No cell
-// may have a force limit.
-void collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
-                              float margin, std::vector<FieldCandidate>& out);
+// may have a force limit. Returns by how much the face or edge that gave a column's points is nearer to it
+// than the part's others, u, at least: those gave none.
+float collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
+                               float margin, std::vector<FieldCandidate>& out);
 
 // Appends at most eight contacts per convex part (ManifoldReducer) with the plane z = ground_height, with
 // separations up to `margin`.

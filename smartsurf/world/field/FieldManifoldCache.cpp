@@ -23,6 +23,9 @@ constexpr float kSlipFraction = 0.025F, kMaxSlip = 0.05F;
 // Greatest relative motion of cells that were level, u. Beyond it, an edge is exposed that has no cached
 // point.
 constexpr float kMaxLevelChange = 0.004F;
+// Each column has points of one face or edge of a part. As the part rocks, another comes nearer, which has
+// none until the manifold is computed again: it may be deeper than the points by this, u.
+constexpr float kMissedDepth = 1e-3F;
 constexpr float kNoLimit = std::numeric_limits<float>::infinity();
 
 float max_travel(const BodyStore& bodies, std::size_t i) {
@@ -73,7 +76,7 @@ bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, const 
   const Mat3 rotation = axes * cached.axes.transpose() - Mat3::Identity();
   const Vec3 translation = bodies.origin(i) - cached.centre + rotation * (cached.near_centre - cached.centre);
   const Vec3 rotation_slack = turned_extents(rotation, cached.near_half_extents);
-  const float max_motion = std::min(max_travel(bodies, i), cached.clearance - margin);
+  const float max_motion = std::min(cached.max_travel, cached.clearance - margin);
   const float x = std::abs(translation.x()) + rotation_slack.x(),
               y = std::abs(translation.y()) + rotation_slack.y(), horizontal_squared = x * x + y * y;
   if (!(max_motion > 0.0F && horizontal_squared <= max_motion * max_motion)) return false;
@@ -154,12 +157,13 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
   candidates.clear();
   const Vec3 centre = bodies.origin(i);
   const Mat3& axes = bodies.axes[i];
-  collect_field_candidates(field_, *bodies.shape[i], centre, axes, margin, candidates);
+  const float lead = collect_field_candidates(field_, *bodies.shape[i], centre, axes, margin, candidates);
   CachedManifold& manifold = chunk_cache.manifolds.emplace_back();
   manifold.body = static_cast<std::int32_t>(i);
   manifold.axes = axes;
   manifold.centre = centre;
   manifold.clearance = margin;
+  manifold.max_travel = std::min(max_travel(bodies, i), 0.5F * (lead + kMissedDepth));
   // Points higher than the margin above the cells cannot touch before the lower ones have moved too far.
   const Vec3 half_extents = turned_extents(axes, bodies.shape[i]->half_extents);
   Vec3 high = centre + half_extents;

@@ -30,6 +30,7 @@ class FieldManifoldCache {
     // Box around the part of the body near the cells, world axes.
     Vec3 near_centre, near_half_extents;
     float clearance;                        // separation of everything but the points, u
+    float max_travel;                       // relative motion, u: farther, it is computed again
     CellRange cells;                        // the cells tested
     std::int32_t first_point, point_count;  // range in points
     std::int32_t first_height;              // in heights: one per cell of `cells`, row-major

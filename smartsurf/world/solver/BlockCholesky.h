@@ -27,8 +27,8 @@ class BasicBlockCholesky {
   // Makes all blocks 0 again.
   void clear() { matrix_.assign(first_block_[rows_], Block{}); }
 
-  // Adds Σ weight[k]·a[k]·b[k]ᵀ to block (i, j), and its transpose to (j, i) if i ≠ j. The blocks must be
-  // connected.
+  // Adds Σ weight[k]·a[k]·b[k]ᵀ to block (i, j), and its transpose to (j, i) if i ≠ j; a = b if i = j. The
+  // blocks must be connected.
   void add(int i, int j, const double (&weight)[3], const Rows& a, const Rows& b);
   // Adds to an element of a block on the diagonal; `row` ≥ `column`.
   void add_to_diagonal(int i, int row, int column, double value) {
@@ -39,6 +39,8 @@ class BasicBlockCholesky {
   bool factor();
   // Replaces the right side, kSize elements for each row, by the solution. Call after factor().
   void solve(double* right_side);
+  // Both: faster, because a column is eliminated from the right side while the next one is factored.
+  bool factor_and_solve(double* right_side);
 
  private:
   using Block = std::array<double, kSize * kSize>;  // column by column
@@ -48,6 +50,12 @@ class BasicBlockCholesky {
   static Mask bit(int i) { return Mask{1} << i; }
   int diagonal(int position) const { return first_block_[position]; }
   int below(int row, int column) const;
+  template <class Each>
+  bool factor_columns(Each each_column);
+  void load_right_side(const double*);
+  // Takes a factored column out of the rows of the right side below.
+  void eliminate(int column);
+  void substitute_back(double* solution);
 
   int rows_ = 0;
   Mask neighbours_[kMaxRows];  // by row

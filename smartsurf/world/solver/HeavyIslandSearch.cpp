@@ -29,16 +29,20 @@ constexpr int kMinChain = 2;
 constexpr double kMaxLeverage = 8.0;
 
 // Flags of a set of rows that contacts connect.
-constexpr std::uint8_t kHeavy = 1;     // the direct solver has it
-constexpr std::uint8_t kFresh = 2;     // a body meets what it lies on: it does if it may become a chain
-constexpr std::uint8_t kExcluded = 4;  // the sweeps have it in any case
-constexpr std::uint8_t kSinking = 8;   // a load presses springs deep: it does from kMinSinkingBodies on
-constexpr std::uint8_t kSliding = 16;  // a body meets what it slides on: it becomes no chain
-constexpr std::uint8_t kCarried = 32;  // cells move it: the direct solver has it only if it is heavy
+constexpr std::uint8_t kHeavy = 1;      // the direct solver has it
+constexpr std::uint8_t kFresh = 2;      // a body meets what it lies on: it does if it may become a chain
+constexpr std::uint8_t kExcluded = 4;   // the sweeps have it in any case
+constexpr std::uint8_t kSinking = 8;    // a load presses springs deep: it does from kMinSinkingBodies on
+constexpr std::uint8_t kSliding = 16;   // a body meets what it slides on: it becomes no chain
+constexpr std::uint8_t kCarried = 32;   // cells move it: the direct solver has it only if it is heavy
+constexpr std::uint8_t kUnsteady = 64;  // fast or squeezed: the direct solver has it only if it is pressed
+constexpr std::uint8_t kPressed = 128;  // a light body bears a heavy one, or is hit by it
 // Deflections as multiples of max_deflection(). One above kDeepAlone makes its island heavy. Those above
 // kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kMinSinkingBodies = 8;
+// A heavy body that moves faster towards a light one hits it, u/s.
+constexpr float kMinBlow_ups = 0.2F;
 // Bodies that slide on each other faster than this are left to the sweeps, unless the load is heavy: friction
 // moves their load off the middle.
 constexpr float kMaxSlip_ups = 0.05F;
@@ -52,15 +56,25 @@ bool bears_or_touches(const BatchPoint& p, int lane) {
          ((p.normal_impulse[lane] > 0.0F) | (p.separation[lane] <= kTouchingSeparation));
 }
 
-// Bit i: a point of lane i bears or touches.
-std::uint8_t find_bearing_lanes(const ContactBatch& o, const BatchPoints& points) {
-  std::int32_t bears[kLanes] = {};
+// Bit i: a point of lane i bears or touches; closes within the step, in which gravity adds `fall` to its way.
+struct LaneMasks {
+  unsigned bears, closes;
+};
+LaneMasks find_lanes(const ContactBatch& o, const BatchPoints& points, float dt_s, float fall) {
+  std::int32_t bears[kLanes] = {}, closes[kLanes] = {};
   for (const BatchPoint& p : std::span(points.point + o.first_point, o.point_count))
-    for (int i = 0; i < kLanes; ++i) bears[i] |= static_cast<std::int32_t>(bears_or_touches(p, i));
+    for (int i = 0; i < kLanes; ++i) {
+      bears[i] |= static_cast<std::int32_t>(bears_or_touches(p, i));
+      closes[i] |= static_cast<std::int32_t>((p.normal_mass[i] > 0.0F) &
+                                             (p.separation[i] + dt_s * p.approach_speed[i] < fall));
+    }
   static_assert(kLanes <= 8);
-  unsigned mask = 0;
-  for (unsigned i = 0; i < kLanes; ++i) mask |= static_cast<unsigned>(bears[i]) << i;
-  return static_cast<std::uint8_t>(mask);
+  LaneMasks masks{0, 0};
+  for (unsigned i = 0; i < kLanes; ++i) {
+    masks.bears |= static_cast<unsigned>(bears[i]) << i;
+    masks.closes |= static_cast<unsigned>(closes[i]) << i;
+  }
+  return masks;
 }
 
 // The loads of the lanes, and the shape of the base that the points of each form that bear or touch.
@@ -117,13 +131,19 @@ std::int32_t upper_row(const ContactBatch& o, ContactKind kind, int lane, float 
   return up >= 0.0F || !is_pair(kind) ? o.a[lane] : o.b[lane];
 }
 
-// Cells that yield have a solver of their own. Where surfaces press from the side or down, the loads are
-// those of a squeeze, which has no solution that holds everything.
+// Cells that yield have a solver of their own.
+bool yields(const ContactBatch& o, const BatchPoints& points, int lane) {
+  if (!o.has_impulse_limit) return false;
+  const std::span limits(points.limit + o.first_point, static_cast<std::size_t>(o.point_count));
+  return std::ranges::any_of(limits, [&](const BatchPointLimit& l) { return l.is_limited(lane); });
+}
+
+// Where surfaces press from the side or down, the loads are those of a squeeze, which has no solution that
+// holds everything.
 bool is_squeezed(const ContactBatch& o, const BatchPoints& points, int lane, const Vec3& gravity) {
   constexpr float kMinRise = 0.5F, kMaxDepth = 0.02F;
   const Vec3 up = -gravity.normalized();
   for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
-    if (o.has_impulse_limit && points.limit[k].is_limited(lane)) return true;
     const BatchPoint& p = points.point[k];
     if (!bears_or_touches(p, lane)) continue;
     const Vec3 normal = load_lane(p.normal, lane);
@@ -156,9 +176,10 @@ void HeavyIslandSolver::reset(int member_count, int row_count, int batch_count) 
   members_.resize(member_count);
   if (std::ssize(bearing_lanes_) < batch_count) bearing_lanes_.resize(batch_count);
   parent_.resize(row_count);
-  flags_.resize(parent_.size()), is_borne_.resize(parent_.size());
+  flags_.resize(parent_.size()), is_borne_.resize(parent_.size()), is_pressed_.resize(parent_.size());
   for (MemberData& m : members_)
-    m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear(), m.sliding_rows.clear();
+    m.heavy_rows.clear(), m.sinking_rows.clear(), m.fresh_rows.clear(), m.sliding_rows.clear(),
+        m.pressed_rows.clear();
   islands_.clear();
 }
 
@@ -168,15 +189,19 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
   const BatchPoints& points = step.points;
   const BodyVelocity* const velocity = step.velocity;
   const Vec3 weight = step.h_s * step.gravity;  // what gravity gives a body in a substep, u/s
-  const unsigned bears = bearing_lanes_[batch] = find_bearing_lanes(o, points);
-  const float weight_impulse = weight.norm();
+  const float weight_impulse = weight.norm(), dt_s = step.h_s / params.substep_fraction;
+  const auto [bears, closes] = find_lanes(o, points, dt_s, dt_s * weight_impulse / params.substep_fraction);
+  bearing_lanes_[batch] = static_cast<std::uint8_t>(bears);
+  if ((bears | closes) == 0) return;
   const Bases bases = find_bases(o, points);
   for (int lane = 0; lane < o.lane_count; ++lane) {
-    if ((bears >> static_cast<unsigned>(lane) & 1U) == 0) continue;
+    const bool bears_now = (bears >> static_cast<unsigned>(lane) & 1U) != 0,
+               closes_now = (closes >> static_cast<unsigned>(lane) & 1U) != 0;
     const float a = velocity[o.a[lane]].inverse_mass,
                 b = is_pair(kind) ? velocity[o.b[lane]].inverse_mass : 0.0F;
-    const float lighter = std::max(a, b), heavier = std::min(a, b);
-    const bool of_unequal = heavier > 0.0F && lighter > kHeavyRatio * heavier;
+    const float lighter = std::max(a, b);
+    const bool of_unequal = is_unequal(a, b);
+    if (!bears_now && !(closes_now && of_unequal)) continue;
     // The speed that the load gives to its bearer in a substep. The springs of spheres are never stiffened.
     const float loading = bases.load[lane] * lighter;
     const float deflection = (1.0F - params.steady_share) * params.impulse_scale * loading /
@@ -198,7 +223,9 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     // The lighter body of an unequal pair bears the heavier one if it lies below. If it lies on top, it
     // presses only with its own weight and what it bears itself.
     const bool is_below = (a >= b ? -up : up) > 0.0F;
-    const bool may_bear = of_unequal && (is_below || loading >= kOwnWeight * weight_impulse);
+    const Vec3 heavy_speed = Vec3(velocity[a >= b && is_pair(kind) ? o.b[lane] : o.a[lane]].velocity);
+    const bool hits = closes_now && (a >= b ? 1.0F : -1.0F) * normal.dot(heavy_speed) > kMinBlow_ups;
+    const bool may_bear = of_unequal && (is_below || hits || loading >= kOwnWeight * weight_impulse);
     const bool is_off_centre = !slides && bases.eccentricity[lane] > kEccentric;
     const float heavy_load = is_narrow ? kLeastLoad : is_off_centre ? kOffCentreLoad : kHeavyLoad;
     const bool is_heavy = may_bear || loading > heavy_load * weight_impulse || excess > kDeepAlone;
@@ -206,9 +233,14 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
     if (!is_heavy && !is_fresh && !is_sinking) continue;
     // build() would exclude these after it had looked at all lanes of the scene.
     const std::int32_t bearer = a >= b ? o.a[lane] : o.b[lane];
+    if (!is_pair(kind) && yields(o, points, lane)) continue;
+    MemberData& own = members_[member.index];
+    if (may_bear) {
+      own.pressed_rows.insert(own.pressed_rows.end(), {o.a[lane], o.b[lane]});
+      continue;
+    }
     if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     if (!is_heavy && !is_pair(kind) && is_carried(o, points, lane)) continue;
-    MemberData& own = members_[member.index];
     if (is_heavy)
       own.heavy_rows.push_back(bearer);
     else if (is_sinking)
@@ -220,7 +252,8 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
 
 bool HeavyIslandSolver::any_heavy_lane() const {
   return std::ranges::any_of(members_, [](const MemberData& m) {
-    return !m.heavy_rows.empty() || !m.sinking_rows.empty() || !m.fresh_rows.empty();
+    return !m.heavy_rows.empty() || !m.sinking_rows.empty() || !m.fresh_rows.empty() ||
+           !m.pressed_rows.empty();
   });
 }
 
@@ -259,8 +292,11 @@ void HeavyIslandSolver::mark(std::int32_t row, std::uint8_t flag) {
 
 void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Member& member) {
   std::iota(parent_.begin() + own_rows.begin, parent_.begin() + own_rows.end, own_rows.begin);
-  for (std::vector<std::uint8_t>* flags : {&flags_, &is_borne_})
+  for (std::vector<std::uint8_t>* flags : {&flags_, &is_borne_, &is_pressed_})
     std::fill(flags->begin() + own_rows.begin, flags->begin() + own_rows.end, std::uint8_t{0});
+  member.arrive_and_wait();
+  for (const std::int32_t row : members_[member.index].pressed_rows)
+    std::atomic_ref(is_pressed_[row]).store(1, std::memory_order_relaxed);
   member.arrive_and_wait();
   find_own_lanes(step, member);
   member.arrive_and_wait();
@@ -284,6 +320,8 @@ void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Membe
 void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
   std::vector<BearingLane>& lanes = members_[member.index].lanes;
   lanes.clear();
+  const bool any_pressed =
+      std::ranges::any_of(members_, [](const MemberData& m) { return !m.pressed_rows.empty(); });
   const auto moves = [&](std::int32_t row) { return step.velocity[row].inverse_mass > 0.0F; };
   if (member.is_caller())
     for (const BodyLink& link : step.bodies.links) {
@@ -294,7 +332,12 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
   for (const BatchRange& range : step.graph.own_batches(member))
     for (int i = range.first; i < range.first + range.count; ++i) {
       const ContactBatch& o = step.graph.batch(i);
-      for (unsigned left = bearing_lanes_[i]; left != 0; left &= left - 1) {
+      unsigned left = bearing_lanes_[i];
+      // A blow moves a pressed body on to what is about it.
+      for (int lane = 0; any_pressed && lane < o.lane_count; ++lane)
+        if (is_pressed_[o.a[lane]] != 0 || (is_pair(range.kind) && is_pressed_[o.b[lane]] != 0))
+          left |= 1U << static_cast<unsigned>(lane);
+      for (; left != 0; left &= left - 1) {
         const int lane = std::countr_zero(left);
         lanes.push_back({i, lane, range.kind});
         if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
@@ -313,6 +356,8 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   const MemberData& own = members_[member.index];
   for (const std::int32_t row : own.heavy_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy);
+  for (const std::int32_t row : own.pressed_rows)
+    if (step.velocity[row].inverse_mass > 0.0F) mark(row, kHeavy), mark(row, kPressed);
   for (const std::int32_t row : own.sinking_rows)
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSinking);
   for (const std::int32_t row : own.sliding_rows)
@@ -320,12 +365,13 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   for (const auto& [row, flag] : own.fresh_rows)
     if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
   for (const auto& [batch, lane, kind] : own.lanes)
-    if (!is_pair(kind) && is_squeezed(step.graph.batch(batch), points, lane, step.gravity))
-      mark(step.graph.batch(batch).a[lane], kExcluded);
-    else if (!is_pair(kind) && is_carried(step.graph.batch(batch), points, lane))
-      mark(step.graph.batch(batch).a[lane], kCarried);
+    if (const ContactBatch& o = step.graph.batch(batch); !is_pair(kind)) {
+      if (yields(o, points, lane)) mark(o.a[lane], kExcluded);
+      if (is_squeezed(o, points, lane, step.gravity)) mark(o.a[lane], kUnsteady);
+      if (is_carried(o, points, lane)) mark(o.a[lane], kCarried);
+    }
   for (int row = own_rows.begin; row < own_rows.end; ++row)
-    if (is_fast(step.velocity[row])) mark(row, kExcluded);
+    if (is_fast(step.velocity[row])) mark(row, kUnsteady);
   if (!member.is_caller()) return;
   for (const BodyLink& link : step.bodies.links)
     for (const std::int32_t body : {link.a, link.b})
@@ -338,11 +384,13 @@ void HeavyIslandSolver::number_islands(const Step& step) {
   islands_.clear();
   const auto is_direct = [this](std::int32_t root) {
     const std::uint8_t flags = flags_[root];
-    return flags != 0 && (flags & kExcluded) == 0 && ((flags & kCarried) == 0 || (flags & kHeavy) != 0);
+    return flags != 0 && (flags & kExcluded) == 0 && ((flags & kCarried) == 0 || (flags & kHeavy) != 0) &&
+           ((flags & kUnsteady) == 0 || (flags & kPressed) != 0);
   };
   const auto any_direct = [&](const MemberData& m) {
     const auto is_row_direct = [&](std::int32_t row) { return is_direct(find_root(row)); };
     return std::ranges::any_of(m.heavy_rows, is_row_direct) ||
+           std::ranges::any_of(m.pressed_rows, is_row_direct) ||
            std::ranges::any_of(m.sinking_rows, is_row_direct) ||
            std::ranges::any_of(m.fresh_rows, is_row_direct, &Fresh::row);
   };
@@ -365,7 +413,9 @@ void HeavyIslandSolver::number_islands(const Step& step) {
       islands_.push_back({.min_bodies = (flags & kHeavy) != 0     ? 1
                                         : is_chain                ? kMinChain
                                         : (flags & kSinking) != 0 ? kMinSinkingBodies
-                                                                  : kMaxBodies + 1});
+                                                                  : kMaxBodies + 1,
+                          .is_pressed = (flags & kPressed) != 0,
+                          .is_passive = (flags & kCarried) == 0});
     }
     island_of_row_[row] = island_of_row_[root];
     body_of_row_[row] = islands_[island_of_row_[row]].body_count++;
@@ -392,6 +442,8 @@ void HeavyIslandSolver::number_islands(const Step& step) {
                         static_cast<std::int32_t>(step.partition.body(static_cast<int>(i)))};
       const float force = bodies.wrench[partition.body(static_cast<int>(i))].force.norm();
       const float speed = h_s * gravity.norm() + Vec3(velocity[i].velocity).norm();
+      island.least_inverse_mass =
+          std::min(island.least_inverse_mass, static_cast<double>(velocity[i].inverse_mass));
       island.greatest_impulse +=
           kMaxLeverage * static_cast<double>(speed / velocity[i].inverse_mass + h_s * force);
     }
@@ -412,7 +464,8 @@ void HeavyIslandSolver::collect_points(const Step& step) {
       const std::int32_t a = body_of(step, o.a[lane]), b = of_pair ? body_of(step, o.b[lane]) : -1;
       Island& island = islands_[island_of_row_[a >= 0 ? o.a[lane] : o.b[lane]]];
       for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
-        if (!bears_or_touches(points.point[k], lane)) continue;
+        const bool may_reach = island.is_pressed && points.point[k].normal_mass[lane] > 0.0F;
+        if (!may_reach && !bears_or_touches(points.point[k], lane)) continue;
         Point p;
         p.body[0] = a, p.body[1] = b;
         p.index = k, p.lane = lane;

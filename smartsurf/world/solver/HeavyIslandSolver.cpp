@@ -16,7 +16,9 @@ using Vector3 = Eigen::Vector3d;
 constexpr double kCompliance = 1e-3;
 // The part of a steady load that deflects no spring; see SubstepParams::steady_share.
 constexpr double kSteadyShare = 0.8;
-constexpr int kMaxPasses = 12;
+constexpr int kMaxPasses = 12, kMaxSwitches = 48;
+// Of pressed islands: a point that slips has at least this share of the friction that its load allows.
+constexpr double kSlippingShare = 0.9;
 // Compliance of a fixed joint, relative to what its two bodies give way by.
 constexpr double kWeldCompliance = 1e-8;
 // A patch of which samples slip sticks as a whole while its friction is below this share of its limit.
@@ -59,7 +61,8 @@ void HeavyIslandSolver::exchange_impulses(std::span<Point> island, const BatchPo
 }
 
 // The axes and the Jacobians, which stay through the step.
-void HeavyIslandSolver::set_axes(Point& p, const BatchPoints& points, const SolverBodies& rows) {
+void HeavyIslandSolver::set_axes(Point& p, const BatchPoints& points, const SolverBodies& rows,
+                                 const Island& island) {
   const BatchPoint& q = points.point[p.index];
   const BatchPointDetail& d = points.detail[p.index];
   const Vector3 n = load_lane(q.normal, p.lane).cast<double>();
@@ -80,6 +83,8 @@ void HeavyIslandSolver::set_axes(Point& p, const BatchPoints& points, const Solv
     if (const float inverse_mass = rows.velocity[p.row[side]].inverse_mass; inverse_mass > 0.0F)
       p.least_inverse_mass = std::min(p.least_inverse_mass, static_cast<double>(inverse_mass));
   }
+  p.slipping_share = island.is_pressed ? kSlippingShare : 0.0;
+  p.least_compliance = kCompliance * (island.is_pressed ? island.least_inverse_mass : p.least_inverse_mass);
 }
 
 void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const SolverBodies& rows,
@@ -105,30 +110,42 @@ void HeavyIslandSolver::set_up(Point& p, const BatchPoints& points, const Solver
     for (int k = 0; k < 3; ++k) speed[k] -= axis(k).dot(surface);
     if (!is_pair(p.kind)) displacement -= axis(0).dot(surface) * static_cast<double>(params.elapsed_s);
   }
-  const double hard = 1.0 / (kCompliance * p.least_inverse_mass);
   const Vector3 friction = load_lane(q.friction_impulse, p.lane).cast<double>();
   for (int k = 1; k < 3; ++k) {
     p.spring[k].impulse = axis(k).dot(friction);
-    p.spring[k].stiffness = hard, p.spring[k].error = -speed[k], p.spring[k].change = 0.0;
+    p.spring[k].error = -speed[k], p.spring[k].change = 0.0;
   }
   Spring& normal = p.normal();
   normal.impulse = static_cast<double>(q.normal_impulse[p.lane]);
-  normal.stiffness = hard;
   double target = static_cast<double>(q.relax_target_speed[p.lane]);
+  p.yields = false;
   if (is_soft) {
     const float separation = q.separation[p.lane] + static_cast<float>(displacement);
     target = static_cast<double>(law::push_out_speed(separation, params, slop_of(p.kind)));
-    if (separation <= 0.0F) {
-      const double soft = static_cast<double>(params.impulse_scale /
-                                              (params.mass_scale * q.normal_mass[p.lane])),
-                   capped = static_cast<double>(params.bias_rate * max_deflection(p.kind)) /
-                            std::max(p.steady_impulse, 1e-12);
-      const double compliance = std::max(std::min(soft, capped), 1.0 / hard);
-      target -= compliance * (normal.impulse - kSteadyShare * p.steady_impulse);
-      normal.stiffness = 1.0 / compliance;
-    }
+    p.yields = separation <= 0.0F;
   }
   normal.error = target - speed[0];
+}
+
+// `blow`: the greatest impulse that a contact of the island still lacks. A contact yields to it by the speed
+// that its greatest deflection has, and no more.
+void HeavyIslandSolver::set_stiffness(Point& p, const BatchPoints& points, const SubstepParams& params,
+                                      double blow) {
+  const BatchPoint& q = points.point[p.index];
+  Spring& normal = p.normal();
+  const double deflection_speed = static_cast<double>(params.bias_rate * max_deflection(p.kind));
+  const double compliance =
+      std::max(std::min(kCompliance * p.least_inverse_mass, deflection_speed / std::max(blow, 1e-12)),
+               p.least_compliance);
+  for (int k = 0; k < 3; ++k) p.spring[k].stiffness = 1.0 / compliance;
+  if (p.yields) {
+    const double soft =
+                     static_cast<double>(params.impulse_scale / (params.mass_scale * q.normal_mass[p.lane])),
+                 capped = deflection_speed / std::max({p.steady_impulse, blow, 1e-12});
+    const double yielding = std::max(std::min(soft, capped), compliance);
+    normal.error -= yielding * (normal.impulse - kSteadyShare * p.steady_impulse);
+    normal.stiffness = 1.0 / yielding;
+  }
   normal.change = 0.0;
   p.bears = normal.impulse > 0.0 || normal.error > 0.0;
   p.sticks = q.friction[p.lane] > 0.0F;
@@ -247,7 +264,7 @@ void HeavyIslandSolver::prepare_island(const Island& island, const BatchPoints& 
                                        const SolverBodies& rows, BlockCholesky& bodies) {
   bodies.reset(island.body_count);
   for (Point& p : std::span(points_).subspan(island.first_point, island.point_count)) {
-    set_axes(p, points, rows);
+    set_axes(p, points, rows, island);
     if (p.body[0] >= 0 && p.body[1] >= 0) bodies.connect(p.body[0], p.body[1]);
   }
   for (const Weld& w : std::span(welds_).subspan(island.first_weld, island.weld_count))
@@ -264,16 +281,25 @@ void HeavyIslandSolver::prepare_island(const Island& island, const BatchPoints& 
 }
 
 void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& points, const SolverBodies& rows,
-                               const Substep& substep, BlockCholesky& matrix) {
+                               const Substep& substep, const Island& island, bool with_friction,
+                               BlockCholesky& matrix) {
+  double blow = 0.0;
   for (Point& p : of.points) {
     set_up(p, points, rows, is_pair(p.kind) ? substep.pair_params : substep.static_params, substep.is_soft);
+    if (island.is_pressed) blow = std::max(blow, p.normal().error / p.least_inverse_mass);
+  }
+  for (Point& p : of.points) {
+    set_stiffness(p, points, is_pair(p.kind) ? substep.pair_params : substep.static_params, blow);
     std::fill_n(p.in_matrix, 3, false);
+    if (with_friction) continue;
+    p.sticks = false, p.stuck_again = true;
+    for (int k = 1; k < 3; ++k) p.spring[k].change = -p.spring[k].impulse;
   }
   for (PatchFriction& f : of.patches) {
     set_up(f, rows);
     std::fill_n(f.in_matrix, 3, false);
     const auto holds = [&] { return f.limit_share(f.load(of.points, points)) < kHolding * kHolding; };
-    f.sticks = f.patch->friction > 0.0F &&
+    f.sticks = with_friction && f.patch->friction > 0.0F &&
                (f.patch->is_lumped || ((f.patch->may_lump() || f.patch->is_elastic) && holds()));
     if (f.sticks) f.update({true, true, true}, matrix);
   }
@@ -309,7 +335,7 @@ void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix
     for (const Springs& s : w.part) add_forces(s);
 }
 
-bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coefficient) {
+bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coefficient, bool may_switch) {
   double lacking[3];
   find_lacking_speeds(changes, lacking);
   const double lacks = lacking[0];
@@ -317,6 +343,7 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
   bears = bore ? normal().impulse + normal().stiffness * lacks > 0.0 : lacks > 0.0;
   normal().change = bore && bears ? normal().stiffness * lacks : -normal().impulse;
   bool changed = bears != bore;
+  if (!may_switch) bears = bore;
   const double limit = friction_coefficient * (normal().impulse + normal().change);
   double friction[2], work = 0.0;
   for (int k = 0; k < 2; ++k) {
@@ -326,9 +353,10 @@ bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coe
     friction[k] = t.impulse + t.change;
     work += friction[k] * lack;
   }
-  // If friction points along the slip, the point sticks.
-  if (!sticks && bears && work < 0.0 && !stuck_again) return sticks = stuck_again = true;
   const double length = std::sqrt(friction[0] * friction[0] + friction[1] * friction[1]);
+  // If friction points along the slip, or is less than the load allows, the point sticks.
+  if (!sticks && bears && (work < 0.0 || length < slipping_share * limit) && !stuck_again)
+    return sticks = stuck_again = true;
   if (length <= limit) return changed;
   changed |= sticks && bears;
   sticks = false;
@@ -451,34 +479,25 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
   }
 }
 
-void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& points,
-                                     const SolverBodies& rows, const Substep& substep,
-                                     const BlockCholesky& bodies, MemberData& data) {
-  const IslandContacts of{std::span(points_).subspan(island.first_point, island.point_count),
-                          std::span(patches_).subspan(island.first_patch, island.patch_count),
-                          std::span(welds_).subspan(island.first_weld, island.weld_count)};
+// Finds the set of contacts that bear, and of those that stick, by iteration. False: it does not settle, or a
+// contact is wedged.
+bool HeavyIslandSolver::find_changes(const Island& island, const IslandContacts& of,
+                                     const BatchPoints& points, bool with_friction, MemberData& data) {
   BlockCholesky& matrix = data.matrix;
   double* const b = data.right_side;
-  exchange_impulses(of.points, points, rows);
-  const auto give_up = [&] {
-    exchange_impulses(of.points, points, rows);
-    for (Point& p : of.points) p.keep(points.point[p.index]);
-    note_solved(island, false);
-  };
-  matrix = bodies;
-  set_up(of, points, rows, substep, matrix);
   const auto elastic = std::span(elastic_patches_).subspan(island.first_elastic, island.elastic_count);
-  data.loads.clear(), data.bears.clear();
-  for (ElasticPatch& e : elastic) e.set_up(data, rows, substep);
+  // Without friction there is a set, which changes of one point at a time find (Murty's method).
+  const int max_passes = with_friction ? kMaxPasses : kMaxPasses + kMaxSwitches;
   bool changed = true;
-  for (int pass = 0; changed && pass < kMaxPasses; ++pass) {
+  for (int pass = 0; changed && pass < max_passes; ++pass) {
     assemble(of, matrix, {b, static_cast<std::size_t>(BlockCholesky::kSize * island.body_count)});
     for (ElasticPatch& e : elastic) e.assemble(data, matrix, b);
-    if (!matrix.factor()) return give_up();
-    matrix.solve(b);
+    if (!matrix.factor_and_solve(b)) return false;
     changed = false;
     for (Point& p : of.points)
-      changed |= p.follow(b, static_cast<double>(points.point[p.index].friction[p.lane]));
+      changed |=
+          p.follow(b, with_friction ? static_cast<double>(points.point[p.index].friction[p.lane]) : 0.0,
+                   pass < kMaxPasses || !changed);
     const auto follow = [&](Springs& s) {
       for (int k = 0; k < 3; ++k) s.spring[k].change = s.spring[k].stiffness * s.lacking_speed(k, b);
     };
@@ -488,15 +507,90 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     for (Weld& w : of.welds)
       for (Springs& s : w.part) follow(s);
   }
-  if (changed || std::ranges::any_of(of.points, [&](Point& p) {
-        return p.normal().impulse + p.normal().change > island.greatest_impulse;
-      }))
-    return give_up();
-  apply(of, points, rows, substep);
-  for (const ElasticPatch& e : elastic) e.apply(data, b, rows, substep.is_soft);
-  for (const ElasticPatch& e : elastic)
-    end_spring_stage(*e.list, *e.patch, substep.is_soft, rows.velocity[e.patch->row]);
-  note_solved(island, true);
+  return !changed && std::ranges::none_of(of.points, [&](Point& p) {
+    return p.normal().impulse + p.normal().change > island.greatest_impulse;
+  });
+}
+
+HeavyIslandSolver::Energy HeavyIslandSolver::energy_of_contacts(const Island& island,
+                                                                const SolverBodies& rows,
+                                                                const Substep& substep) const {
+  Energy energy;
+  for (const std::int32_t row : std::span(rows_).subspan(island.first_body, island.body_count)) {
+    const BodyVelocity &v = rows.velocity[row], &start = substep.start_velocity[row];
+    const double mass = 1.0 / static_cast<double>(v.inverse_mass);
+    const Eigen::Matrix3d inertia = to_matrix(rows.inverse_inertia[row]).cast<double>().inverse();
+    const Vector3 before = to_double(start.velocity), spin = to_double(start.angular_velocity),
+                  change = to_double(v.velocity) - before, spin_change = to_double(v.angular_velocity) - spin;
+    energy.start += 0.5 * (mass * before.squaredNorm() + spin.dot(inertia * spin));
+    energy.linear += mass * before.dot(change) + spin.dot(inertia * spin_change);
+    energy.quadratic += 0.5 * (mass * change.squaredNorm() + spin_change.dot(inertia * spin_change));
+  }
+  return energy;
+}
+
+void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& points,
+                                     const SolverBodies& rows, const Substep& substep,
+                                     const BlockCholesky& bodies, MemberData& data) {
+  const IslandContacts of{std::span(points_).subspan(island.first_point, island.point_count),
+                          std::span(patches_).subspan(island.first_patch, island.patch_count),
+                          std::span(welds_).subspan(island.first_weld, island.weld_count)};
+  const auto elastic = std::span(elastic_patches_).subspan(island.first_elastic, island.elastic_count);
+  const auto find = [&](bool with_friction) {
+    data.matrix = bodies;
+    set_up(of, points, rows, substep, island, with_friction, data.matrix);
+    data.loads.clear(), data.bears.clear();
+    for (ElasticPatch& e : elastic) e.set_up(data, rows, substep);
+    return find_changes(island, of, points, with_friction, data);
+  };
+  const auto take = [&] {
+    apply(of, points, rows, substep);
+    for (const ElasticPatch& e : elastic) e.apply(data, data.right_side, rows, substep.is_soft);
+  };
+  exchange_impulses(of.points, points, rows);
+  const bool is_solved = find(true) || (island.is_pressed && find(false));
+  if (is_solved) {
+    take();
+  } else {
+    exchange_impulses(of.points, points, rows);
+    for (Point& p : of.points) p.keep(points.point[p.index]);
+  }
+  // Contacts take energy away. Where slip turns with the load, the set may be a wrong one that adds some:
+  // then normal impulses alone, which are a projection, and at last less of all.
+  const bool is_passive = island.is_pressed && island.is_passive && island.weld_count == 0 &&
+                          island.elastic_count == 0 && !substep.is_soft;
+  if (is_passive && is_solved && energy_of_contacts(island, rows, substep).grows() && find(false)) take();
+  if (is_passive) {
+    const Energy energy = energy_of_contacts(island, rows, substep);
+    if (energy.grows()) scale_impulses(island, of, points, rows, substep, energy.passive_share());
+  }
+  if (is_solved)
+    for (const ElasticPatch& e : elastic)
+      end_spring_stage(*e.list, *e.patch, substep.is_soft, rows.velocity[e.patch->row]);
+  note_solved(island, is_solved);
+}
+
+// Leaves a share of what the contacts have done in the substep.
+void HeavyIslandSolver::scale_impulses(const Island& island, const IslandContacts& of,
+                                       const BatchPoints& points, const SolverBodies& rows,
+                                       const Substep& substep, double share) const {
+  const auto scale = static_cast<float>(share);
+  for (const std::int32_t row : std::span(rows_).subspan(island.first_body, island.body_count)) {
+    BodyVelocity& v = rows.velocity[row];
+    const BodyVelocity& start = substep.start_velocity[row];
+    for (int i = 0; i < 3; ++i) {
+      v.velocity[i] = start.velocity[i] + scale * (v.velocity[i] - start.velocity[i]);
+      v.angular_velocity[i] =
+          start.angular_velocity[i] + scale * (v.angular_velocity[i] - start.angular_velocity[i]);
+    }
+  }
+  for (Point& p : of.points) {
+    BatchPoint& q = points.point[p.index];
+    q.total_normal_impulse[p.lane] += (scale - 1.0F) * q.normal_impulse[p.lane];
+    q.normal_impulse[p.lane] *= scale;
+    for (int i = 0; i < 3; ++i) q.friction_impulse[i][p.lane] *= scale;
+    p.keep(q);
+  }
 }
 
 void HeavyIslandSolver::note_solved(const Island& island, bool is_solved) {

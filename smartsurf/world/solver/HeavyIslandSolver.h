@@ -10,6 +10,7 @@
 // with them.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -31,6 +32,16 @@ class HeavyIslandSolver {
   // A load heavier than this many times the weight of the body that bears it makes an island heavy, a lesser
   // one where it is off the middle of the base, and so does a body that bears one heavier by the ratio.
   static constexpr float kHeavyLoad = 16.0F, kOffCentreLoad = 2.5F, kHeavyRatio = 16.0F;
+  static bool is_unequal(float inverse_mass, float other) {
+    return std::min(inverse_mass, other) > 0.0F &&
+           std::max(inverse_mass, other) > kHeavyRatio * std::min(inverse_mass, other);
+  }
+  // True if the lighter one of two unequal bodies lies below the other. `normal`: from b to a.
+  static bool is_pressed(float inverse_mass_a, float inverse_mass_b, const Vec3& normal,
+                         const Vec3& gravity) {
+    return is_unequal(inverse_mass_a, inverse_mass_b) &&
+           (inverse_mass_a > inverse_mass_b ? 1.0F : -1.0F) * normal.dot(gravity) > 0.5F * gravity.norm();
+  }
   // Larger islands, and those beyond the sum, are left to the sweeps.
   static constexpr int kMaxBodies = BlockCholesky::kMaxRows, kMaxBodiesInAll = 256;
 
@@ -84,7 +95,7 @@ class HeavyIslandSolver {
     std::uint8_t flag;
   };
   struct alignas(128) MemberData {
-    std::vector<std::int32_t> heavy_rows, sinking_rows, sliding_rows;
+    std::vector<std::int32_t> heavy_rows, sinking_rows, sliding_rows, pressed_rows;
     std::vector<Fresh> fresh_rows;
     std::vector<BearingLane> lanes;
     BlockCholesky matrix;  // of the island that the member solves
@@ -117,15 +128,18 @@ class HeavyIslandSolver {
     std::int32_t row[2];       // −1: static
     ContactKind kind;
     bool bears, sticks, stuck_again;
-    double least_inverse_mass;
+    bool yields;                // as a soft contact
+    double least_inverse_mass;  // of the two bodies
+    double least_compliance;
+    double slipping_share;  // of the friction that its load allows: one that has less than this sticks again
     double steady_impulse;  // normal, of the last relax stage
     // Normal, and the vector of friction: before the sweep; during solve_island(), after it.
     float impulse[4];
     void keep(const BatchPoint&);
     Spring& normal() { return spring[0]; }
     // Takes the impulses that follow from velocity changes of the bodies; true if it now bears, lifts, sticks
-    // or slips as it did not.
-    bool follow(const double* changes, double friction_coefficient);
+    // or slips as it did not, or if it would and may not.
+    bool follow(const double* changes, double friction_coefficient, bool may_switch);
   };
   // The friction of a support patch whose cells rest: along x and y, and about z.
   struct PatchFriction : Springs {
@@ -163,8 +177,11 @@ class HeavyIslandSolver {
     std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
                  patch_count = 0, first_elastic = 0, elastic_count = 0, first_weld = 0, weld_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
-    std::int32_t member = 0;        // that solves it
-    bool is_prepared = false;       // what stays through the step
+    bool is_pressed = false;        // a light body bears a heavy one
+    bool is_passive = true;         // nothing that moves of itself or by a joint touches it
+    double least_inverse_mass = 1e30;
+    std::int32_t member = 0;   // that solves it
+    bool is_prepared = false;  // what stays through the step
   };
 
   std::int32_t find_root(std::int32_t row);
@@ -189,14 +206,27 @@ class HeavyIslandSolver {
   void prepare_island(const Island&, const BatchPoints&, const SolverBodies&, BlockCholesky& bodies);
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const Substep&,
                     const BlockCholesky& bodies, MemberData&);
+  bool find_changes(const Island&, const IslandContacts&, const BatchPoints&, bool with_friction,
+                    MemberData&);
+  // The kinetic energy at the start of the substep, and what the contacts add to it if they are scaled:
+  // linear·share + quadratic·share².
+  struct Energy {
+    double start = 0.0, linear = 0.0, quadratic = 0.0;
+    bool grows() const { return linear + quadratic > 1e-6 * start; }
+    double passive_share() const { return std::clamp(-linear / quadratic, 0.0, 1.0); }
+  };
+  Energy energy_of_contacts(const Island&, const SolverBodies&, const Substep&) const;
+  void scale_impulses(const Island&, const IslandContacts&, const BatchPoints&, const SolverBodies&,
+                      const Substep&, double share) const;
   void note_solved(const Island&, bool is_solved);
   // Takes back what the sweep has done, or does it again: it makes friction in a stack at rest that the
   // direct solution would have to take out again.
   static void exchange_impulses(std::span<Point>, const BatchPoints&, const SolverBodies&);
-  static void set_axes(Point&, const BatchPoints&, const SolverBodies&);
+  static void set_axes(Point&, const BatchPoints&, const SolverBodies&, const Island&);
   static void set_up(Point&, const BatchPoints&, const SolverBodies&, const SubstepParams&, bool is_soft);
   static void set_up(const IslandContacts&, const BatchPoints&, const SolverBodies&, const Substep&,
-                     BlockCholesky&);
+                     const Island&, bool with_friction, BlockCholesky&);
+  static void set_stiffness(Point&, const BatchPoints&, const SubstepParams&, double blow);
   static void set_up(PatchFriction&, const SolverBodies&);
   static void set_up(Weld&, const SolverBodies&, const Substep&);
   // The equations of what bears and sticks now.
@@ -206,9 +236,9 @@ class HeavyIslandSolver {
   std::vector<MemberData> members_;
   std::vector<std::uint8_t> bearing_lanes_;  // by batch; bit i: a point of lane i bears or touches
   std::vector<BearingLane> lanes_;           // of the islands, in the order of the batches
-  std::vector<std::int32_t> parent_;    // by row: union-find, in which the least row of a set is its root
-  std::vector<std::uint8_t> flags_;     // by row, of roots
-  std::vector<std::uint8_t> is_borne_;  // by row
+  std::vector<std::int32_t> parent_;  // by row: union-find, in which the least row of a set is its root
+  std::vector<std::uint8_t> flags_;   // by row, of roots
+  std::vector<std::uint8_t> is_borne_, is_pressed_;  // by row
   std::vector<std::int32_t> island_of_row_, body_of_row_;
   std::vector<Island> islands_;
   std::vector<std::int32_t> rows_;  // of the islands' bodies

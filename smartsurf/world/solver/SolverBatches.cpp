@@ -113,8 +113,13 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     constexpr float kFlatness = 0.9F;
     // An impact is solved as if there were no joints, and sets the bodies back one by one: off their joints.
     const bool is_jointed = context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]);
-    bool lands_flat =
-        !is_jointed && !is_sphere_kind(kind) && m.count > 1 && least_speed[lane] < -plastic_threshold;
+    // Heavy islands solve the blow of a heavy body to a light one below it, which sweeps hardly do.
+    const bool is_pressed =
+        !is_jointed && is_pair(kind) &&
+        HeavyIslandSolver::is_pressed(velocity_[o.a[lane]].inverse_mass, velocity_[o.b[lane]].inverse_mass,
+                                      load_lane(point_[o.first_point].normal, lane), settings_.gravity);
+    bool lands_flat = !is_jointed && !is_pressed && !is_sphere_kind(kind) && m.count > 1 &&
+                      least_speed[lane] < -plastic_threshold;
     for (int k = 0; lands_flat && k < m.count; ++k)
       lands_flat = point_[o.first_point + k].approach_speed[lane] < kFlatness * least_speed[lane];
     for (int k = 0; k < m.count; ++k) {
@@ -125,7 +130,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
       const bool is_limited = !is_pair(kind) && !context.input.cell_limits.empty() &&
                               context.input.cell_limits[m.first + k].is_limited();
       const bool in_substeps =
-          c.normal_impulse > 0.0F ||
+          c.normal_impulse > 0.0F || is_pressed ||
           (is_limited && c.max_cell_impulse < -kLimitMargin * p.normal_mass[lane] * speed);
       if (speed >= (in_substeps ? -kRestitutionThreshold : 0.0F)) continue;
       const float restitution =

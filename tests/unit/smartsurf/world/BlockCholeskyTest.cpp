@@ -63,6 +63,9 @@ void expect_solutions(std::initializer_list<int> rows) {
         Eigen::VectorXd solution = right_side;
         ASSERT_TRUE(m.sparse.factor());
         m.sparse.solve(solution.data());
+        Eigen::VectorXd at_once = right_side;
+        ASSERT_TRUE(m.sparse.factor_and_solve(at_once.data()));
+        ASSERT_EQ(at_once, solution);
         ASSERT_LT((m.dense * solution - right_side).norm(), 1e-8 * right_side.norm())
             << n << " rows, density " << density;
       }
