@@ -35,8 +35,8 @@ class ColumnSat {
   // The edge axis of greatest separation from the last column, if that is greater than along the axis found,
   // which won by the penalty of edge axes.
   std::optional<BestAxis> nearer_edge_axis() const;
-  // The greatest separation from the last column along the normals of a hull's lower faces and edges other than
-  // the chosen axis, this face (its outward normal) and its edges; -infinity without any.
+  // The greatest separation from the last column along the normals of a hull's lower faces and edges other
+  // than the chosen axis, this face (its outward normal) and its edges; -infinity without any.
   float separation_of_other_features(const Vec3& face_normal) const;
 
  private:
