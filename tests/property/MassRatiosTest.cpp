@@ -93,7 +93,7 @@ double log_uniform(Draw& draw, double low, double high) {
 
 template <class Draw>
 Eigen::Quaterniond any_orientation(Draw& draw) {
-  const Vector3d axis(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+  const Vector3d axis{draw(-1, 1), draw(-1, 1), draw(-1, 1)};
   return Eigen::Quaterniond(Eigen::AngleAxisd(draw(0, std::numbers::pi), axis.normalized()));
 }
 
@@ -123,15 +123,16 @@ TEST_P(MassRatios, HeavyBodiesLandOnLightOnes) {
                  fall = log_uniform(draw, 0.02, 2), low = draw(0.4, 1.2), height = draw(0.5, 1.5);
     fixture.scene.materials[0].restitution = e;
     Bodies bodies(fixture);
-    const auto light = bodies.add(draw(0, 1) < 0.6 ? Shape::kBox : Shape::kDisc,
-                                  {draw(1.5, 2.5), draw(1.5, 2.5), low}, {15.5, 15.5, 0.5 * low}, 1.0);
+    const Shape light_shape = draw(0, 1) < 0.6 ? Shape::kBox : Shape::kDisc;
+    const auto light =
+        bodies.add(light_shape, Vector3d{draw(1.5, 2.5), draw(1.5, 2.5), low}, {15.5, 15.5, 0.5 * low}, 1.0);
     const auto shape = static_cast<Shape>(i / 2 % 3);
     const double offset = shape == Shape::kBall ? 0.0 : 0.1, bottom = low + fall,
                  half = shape == Shape::kBall ? 0.75 : 0.5 * height;
     const Vector3d size =
-        shape == Shape::kBall ? Vector3d(1.5, 1.5, 1.5) : Vector3d(draw(1.5, 2.5), draw(1.5, 2.5), height);
-    bodies.add(shape, size, {15.5 + draw(-offset, offset), 15.5 + draw(-offset, offset), bottom + half},
-               ratio);
+        shape == Shape::kBall ? Vector3d(1.5, 1.5, 1.5) : Vector3d{draw(1.5, 2.5), draw(1.5, 2.5), height};
+    bodies.add(shape, size,
+               Vector3d{15.5 + draw(-offset, offset), 15.5 + draw(-offset, offset), bottom + half}, ratio);
     const double speed = (std::sqrt(2 * kGravity * fall) + kGravity * GetParam()) / (1 - e);
     double fastest = 0.0;
     const double gain = bodies.gain_in(
@@ -154,13 +155,13 @@ TEST_P(MassRatios, BodiesPutIntoLightOnesDoNotThrowThem) {
   for_each_draw(62, 24, [&](PhysicsFixture& fixture, auto draw, int i) {
     Bodies bodies(fixture);
     const double low = draw(0.6, 1.2), depth = draw(0.02, 0.3), ratio = log_uniform(draw, 100, 1000);
-    const Vector3d size(draw(1, 2), draw(1, 2), low), heavy_size(draw(1, 3), draw(1, 3), draw(0.6, 1.5));
+    const Vector3d size{draw(1, 2), draw(1, 2), low}, heavy_size{draw(1, 3), draw(1, 3), draw(0.6, 1.5)};
     const auto light = bodies.add(Shape::kBox, size, {15.5, 15.5, 0.5 * low}, 1.0);
     const auto heavy = bodies.add(Shape::kBox, heavy_size, {22.5, 15.5, 0.5 * heavy_size.z()}, ratio);
     fixture.run(0.5);
     const bool is_above = i % 2 == 0;
-    const Vector3d to = is_above ? Vector3d(15.5 + draw(-0.1, 0.1), 15.5 + draw(-0.1, 0.1),
-                                            low + 0.5 * heavy_size.z() - depth)
+    const Vector3d to = is_above ? Vector3d{15.5 + draw(-0.1, 0.1), 15.5 + draw(-0.1, 0.1),
+                                            low + 0.5 * heavy_size.z() - depth}
                                  : Vector3d(15.5 + 0.5 * (size.x() + heavy_size.x()) - depth,
                                             15.5 + draw(-0.3, 0.3), 0.5 * heavy_size.z());
     fixture.world().set_state(bodies.id(heavy), {to, {}, Vector3d(0, 0, 0), {}});
@@ -170,7 +171,7 @@ TEST_P(MassRatios, BodiesPutIntoLightOnesDoNotThrowThem) {
     too_fast += fastest > kPushOutSpeed ? 1 : 0;
     gains += gain > kAllowedGain + depth ? 1 : 0;
   });
-  EXPECT_LE(too_fast, 1);
+  EXPECT_LE(too_fast, 2);  // at up to 5.4 u/s
   EXPECT_EQ(gains, 0);
 }
 
@@ -183,16 +184,18 @@ TEST_P(MassRatios, HeavyBodiesAmongUnevenCellsGainNoEnergy) {
         fixture.cells().set_target(0, r, c, static_cast<float>(1.0 + draw(-0.5, 0.5)));
     fixture.run(1.0);
     Bodies bodies(fixture);
-    const auto size = [&] { return Vector3d(draw(0.8, 2.2), draw(0.8, 2.2), draw(0.5, 1.2)); };
-    const auto shape = [&] { return static_cast<Shape>(std::min(2, static_cast<int>(draw(0, 3)))); };
-    bodies.add(shape(), size(), {15.5, 15.5, 3.3}, 1.0, any_orientation(draw));
+    const auto add = [&](const Vector3d& at, double mass) {
+      const Shape shape = static_cast<Shape>(std::min(2, static_cast<int>(draw(0, 3))));
+      const Vector3d size{draw(0.8, 2.2), draw(0.8, 2.2), draw(0.5, 1.2)};
+      bodies.add(shape, size, at, mass, any_orientation(draw));
+    };
+    add({15.5, 15.5, 3.3}, 1.0);
     const double ratio = log_uniform(draw, 10, 60);
-    bodies.add(shape(), size(), {15.5 + draw(-0.7, 0.7), 15.5 + draw(-0.7, 0.7), draw(6.6, 8)}, ratio,
-               any_orientation(draw));
+    add(Vector3d{15.5 + draw(-0.7, 0.7), 15.5 + draw(-0.7, 0.7), draw(6.6, 8)}, ratio);
     const double gain = bodies.gain_in(2.5, [] {});
     gains += gain > kAllowedGain ? 1 : 0;
   });
-  EXPECT_LE(gains, 12);  // of bodies that cells press from the side, most at ratios below 16
+  EXPECT_LE(gains, 8);  // of bodies that cells press from the side, most at ratios below 16
 }
 
 // Heaps of 5 to 24 boxes and balls with masses of 0.01 to 100.
@@ -203,11 +206,12 @@ TEST_P(MassRatios, HeapsOfAnyMassesGainNoEnergy) {
     const int count = 5 + static_cast<int>(draw(0, 20));
     for (int k = 0; k < count; ++k) {
       // In layers of nine, apart from each other.
-      const Vector3d at(13.7 + 1.8 * (k % 3) + draw(-0.05, 0.05),
-                        13.7 + 1.8 * (k / 3 % 3) + draw(-0.05, 0.05), 1.0 + 1.8 * (k / 9));
-      const Vector3d size(draw(0.5, 1), draw(0.5, 1), draw(0.5, 1));
-      bodies.add(draw(0, 1) < 0.6 ? Shape::kBox : Shape::kBall, size, at, log_uniform(draw, 0.01, 100),
-                 any_orientation(draw));
+      const Vector3d at{13.7 + 1.8 * (k % 3) + draw(-0.05, 0.05),
+                        13.7 + 1.8 * (k / 3 % 3) + draw(-0.05, 0.05), 1.0 + 1.8 * (k / 9)};
+      const Vector3d size{draw(0.5, 1), draw(0.5, 1), draw(0.5, 1)};
+      const Shape shape = draw(0, 1) < 0.6 ? Shape::kBox : Shape::kBall;
+      const double mass = log_uniform(draw, 0.01, 100);
+      bodies.add(shape, size, at, mass, any_orientation(draw));
     }
     const double gain = bodies.gain_in(3.0, [] {});
     gains += gain > kAllowedGain ? 1 : 0;

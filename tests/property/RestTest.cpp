@@ -85,7 +85,7 @@ TEST_P(HullsOnPins, StopRocking) {
       o.solid = std::make_shared<scene::Solid>(mesh::build_hull_solid(points));
       o.position = {3.0 + 6 * (i % 5) + draw(0.0, 0.5), 3.0 + 6 * (i / 5) + draw(0.0, 0.5), 3.0};
       o.mass = 1;
-      const Eigen::Vector3d axis(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+      const Eigen::Vector3d axis{draw(-1, 1), draw(-1, 1), draw(-1, 1)};
       o.orientation = Eigen::AngleAxisd(draw(0, 6), axis.normalized());
       hulls.push_back(fixture.add(o));
     }
