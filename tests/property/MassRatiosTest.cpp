@@ -5,7 +5,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <vector>
@@ -49,7 +48,6 @@ class Bodies {
     all_.push_back({fixture_.add(o), mass, moments});
     return all_.size() - 1;
   }
-  double weight() const { return weight_; }
   scene::ObjectId id(std::size_t i) const { return all_[i].id; }
   double kinetic_energy(std::size_t i) {
     const scene::ObjectState s = fixture_.world().state(all_[i].id);
@@ -117,7 +115,7 @@ class MassRatios : public testing::TestWithParam<double> {
 // principle, with any contacts beyond. Between a wall that closes at v and one at rest a body bounces at v /
 // (1 − e) at most.
 TEST_P(MassRatios, HeavyBodiesLandOnLightOnes) {
-  int too_fast = 0, gains = 0, leave = 0, plastic = 0;
+  int too_fast = 0, gains = 0, leave = 0;
   for_each_draw(61, 40, [&](PhysicsFixture& fixture, auto draw, int i) {
     const double e = i % 2 == 0 ? 0.0 : draw(0.1, 0.8), ratio = log_uniform(draw, 20, 1000),
                  fall = log_uniform(draw, 0.02, 2), low = draw(0.4, 1.2), height = draw(0.5, 1.5);
@@ -141,16 +139,17 @@ TEST_P(MassRatios, HeavyBodiesLandOnLightOnes) {
     const double moved = (end.position - Vector3d(15.5, 15.5, 0.5 * low)).norm();
     too_fast += fastest > 1.05 * speed ? 1 : 0;
     gains += gain > kAllowedGain ? 1 : 0;
-    if (e == 0.0) ++plastic, leave += moved > 0.02 ? 1 : 0;
+    leave += e == 0.0 && moved > 0.02 ? 1 : 0;
   });
   EXPECT_EQ(too_fast, 0);
   EXPECT_EQ(gains, 0);
   EXPECT_EQ(leave, 0);
 }
 
-// One of 1000 is put into one of 1 that lies on the table, up to 0.3 u deep: from above or aside. They are
-// pushed apart, which gives them no velocity beyond that of the push, and lifts none by more than the depth.
-TEST_P(MassRatios, BodiesPutIntoLightOnesDoNotThrowThem) {
+// One of 100 to 1000 is put into one of 1 that lies on the table, up to 0.3 u deep: from above or aside. They
+// are pushed apart, which gives them no velocity beyond that of the push, and lifts none by more than the
+// depth.
+TEST_P(MassRatios, FewBodiesPutIntoLightOnesThrowThem) {
   int too_fast = 0, gains = 0;
   for_each_draw(62, 24, [&](PhysicsFixture& fixture, auto draw, int i) {
     Bodies bodies(fixture);
@@ -176,7 +175,7 @@ TEST_P(MassRatios, BodiesPutIntoLightOnesDoNotThrowThem) {
 }
 
 // A body of 10 to 60 lands on one of 1 that lies on cells of random heights.
-TEST_P(MassRatios, HeavyBodiesAmongUnevenCellsGainNoEnergy) {
+TEST_P(MassRatios, FewHeavyBodiesAmongUnevenCellsGainEnergy) {
   int gains = 0;
   for_each_draw(63, 40, [&](PhysicsFixture& fixture, auto draw, int) {
     for (int r = 8; r < 24; ++r)
@@ -195,11 +194,11 @@ TEST_P(MassRatios, HeavyBodiesAmongUnevenCellsGainNoEnergy) {
     const double gain = bodies.gain_in(2.5, [] {});
     gains += gain > kAllowedGain ? 1 : 0;
   });
-  EXPECT_LE(gains, 8);  // of bodies that cells press from the side, most at ratios below 16
+  EXPECT_LE(gains, 8);  // of bodies that cells press from the side, over half at ratios below 16
 }
 
 // Heaps of 5 to 24 boxes and balls with masses of 0.01 to 100.
-TEST_P(MassRatios, HeapsOfAnyMassesGainNoEnergy) {
+TEST_P(MassRatios, FewHeapsOfAnyMassesGainEnergy) {
   int gains = 0;
   for_each_draw(64, 16, [&](PhysicsFixture& fixture, auto draw, int) {
     Bodies bodies(fixture);

@@ -32,8 +32,8 @@ class ColumnSat {
   // - the way out over a bridge is much shorter and the axis found is no side's, but the part stands `beside`
   //   the column.
   bool find_best_axis(const Column&, float margin, bool beside, BestAxis& out);
-  // The edge axis of greatest separation from the last column, if that is greater than along the axis found,
-  // which won by the penalty of edge axes.
+  // The edge axis of greatest separation from the last column, if that exceeds the separation along the axis
+  // found: the bias against edge axes then decided.
   std::optional<BestAxis> nearer_edge_axis() const;
   // The greatest separation from the last column along the normals of a hull's lower faces and edges other
   // than the chosen axis, this face (its outward normal) and its edges; -infinity without any.

@@ -284,7 +284,7 @@ class PartOnField {
     if (!(found.min_separation() <= axis.separation + tolerance)) {
       if (is_polyhedral) add(p, found, out);
       found.clear();
-      // Along faces that do not touch, the separation is none of any point.
+      // The separation along a face that does not touch is not that of any point.
       const std::optional<Escape> edge = part_.hull ? sat.nearer_edge_axis() : std::nullopt;
       if (!add_edge_crossing(edge ? support_feature(part_, centre_, axes_, -edge->normal) : part_feature,
                              p.column, edge.value_or(axis), found))
