@@ -224,8 +224,9 @@ std::optional<std::string> Simulation::failure() const {
   }
   if (const auto object = engine_->first_non_finite()) {
     return fmt::format(
-        "failed at tick {}: object {} has a position or velocity that is not finite: its size, "
-        "mass or speed differs too much from its neighbours' for a step of {} s ({})",
+        "failed at tick {}: object {} has a position or velocity that is not finite: its size, mass or speed "
+        "differs too much from its neighbours', or its joint is too stiff, for a step of {} s: take a "
+        "smaller dt ({})",
         snapshot_.tick + 1, *object, scene().world.dt_s, describe_object(catalogue_[*object]));
   }
   return std::nullopt;
