@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -308,13 +309,15 @@ void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Membe
     return body_of(step, o.a[l.lane]) < 0 && (!is_pair(l.kind) || body_of(step, o.b[l.lane]) < 0);
   });
   member.single([&] {
-    collect_points(step);
+    order_lanes(step);
     collect_patches(step.supports);
     collect_welds(step);
     std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
     if (matrices_.size() < islands_.size()) matrices_.resize(islands_.size());
     share_islands();
   });
+  const IndexRange own = share_of(member.index);
+  for (int i = own.begin; i < own.end; ++i) collect_points(step, islands_[i]);
 }
 
 void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
@@ -339,7 +342,7 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
           left |= 1U << static_cast<unsigned>(lane);
       for (; left != 0; left &= left - 1) {
         const int lane = std::countr_zero(left);
-        lanes.push_back({i, lane, range.kind});
+        lanes.push_back({i, lane, range.kind, step.graph.rank(range.kind, i, lane)});
         if (is_pair(range.kind) && moves(o.a[lane]) && moves(o.b[lane])) unite(o.a[lane], o.b[lane]);
         const std::span points(step.points.point + o.first_point, static_cast<std::size_t>(o.point_count));
         if (std::ranges::none_of(points, [&](const BatchPoint& p) { return p.normal_impulse[lane] > 0.0F; }))
@@ -364,7 +367,7 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSliding);
   for (const auto& [row, flag] : own.fresh_rows)
     if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
-  for (const auto& [batch, lane, kind] : own.lanes)
+  for (const auto& [batch, lane, kind, rank] : own.lanes)
     if (const ContactBatch& o = step.graph.batch(batch); !is_pair(kind)) {
       if (yields(o, points, lane)) mark(o.a[lane], kExcluded);
       if (is_squeezed(o, points, lane, step.gravity)) mark(o.a[lane], kUnsteady);
@@ -449,42 +452,62 @@ void HeavyIslandSolver::number_islands(const Step& step) {
     }
 }
 
-// Island by island, in the order of ConstraintGraph::rank().
-void HeavyIslandSolver::collect_points(const Step& step) {
-  const BatchPoints& points = step.points;
-  lanes_.clear();
-  for (const MemberData& m : members_) lanes_.insert(lanes_.end(), m.lanes.begin(), m.lanes.end());
-  std::ranges::sort(lanes_, {},
-                    [&](const BearingLane& l) { return step.graph.rank(l.kind, l.batch, l.lane); });
-  // Calls each(point, its island).
-  const auto for_each_point = [&](auto each) {
-    for (const auto& [batch, lane, kind] : lanes_) {
-      const ContactBatch& o = step.graph.batch(batch);
-      const bool of_pair = is_pair(kind);
-      const std::int32_t a = body_of(step, o.a[lane]), b = of_pair ? body_of(step, o.b[lane]) : -1;
-      Island& island = islands_[island_of_row_[a >= 0 ? o.a[lane] : o.b[lane]]];
-      for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
-        const bool may_reach = island.is_pressed && points.point[k].normal_mass[lane] > 0.0F;
-        if (!may_reach && !bears_or_touches(points.point[k], lane)) continue;
-        Point p;
-        p.body[0] = a, p.body[1] = b;
-        p.index = k, p.lane = lane;
-        p.row[0] = o.a[lane], p.row[1] = of_pair ? o.b[lane] : -1;
-        p.kind = kind;
-        p.steady_impulse = static_cast<double>(points.point[k].normal_impulse[lane]);
-        p.keep(points.point[k]);
-        each(p, island);
-      }
-    }
+// The lanes of all members, by rank. Those of a member are in that order, as its batches are.
+void HeavyIslandSolver::merge_lanes() {
+  merged_lanes_.clear();
+  for (const MemberData& m : members_) {
+    lanes_.clear();
+    std::ranges::merge(merged_lanes_, m.lanes, std::back_inserter(lanes_), {}, &BearingLane::rank,
+                       &BearingLane::rank);
+    merged_lanes_.swap(lanes_);
+  }
+}
+
+// Island by island, each by rank; makes room for the points.
+void HeavyIslandSolver::order_lanes(const Step& step) {
+  merge_lanes();
+  const auto island_of = [&](const BearingLane& l) -> Island& {
+    const ContactBatch& o = step.graph.batch(l.batch);
+    return islands_[island_of_row_[body_of(step, o.a[l.lane]) >= 0 ? o.a[l.lane] : o.b[l.lane]]];
   };
-  for (Island& island : islands_) island.point_count = 0;
-  std::int32_t count = 0;
-  for_each_point([&](const Point&, Island& island) { ++island.point_count, ++count; });
-  points_.resize(count);
-  count = 0;
-  for (Island& island : islands_) island.first_point = count, count += std::exchange(island.point_count, 0);
-  for_each_point(
-      [&](const Point& p, Island& island) { points_[island.first_point + island.point_count++] = p; });
+  for (Island& island : islands_) island.lane_count = island.point_count = 0;
+  for (const BearingLane& l : merged_lanes_) {
+    Island& island = island_of(l);
+    ++island.lane_count;
+    island.point_count += step.graph.batch(l.batch).point_count;
+  }
+  std::int32_t lanes = 0, points = 0;
+  for (Island& island : islands_) {
+    island.first_lane = lanes, island.first_point = points;
+    lanes += std::exchange(island.lane_count, 0), points += island.point_count;
+  }
+  lanes_.resize(lanes);
+  if (std::ssize(points_) < points) points_.resize(points);
+  for (const BearingLane& l : merged_lanes_) {
+    Island& island = island_of(l);
+    lanes_[island.first_lane + island.lane_count++] = l;
+  }
+}
+
+void HeavyIslandSolver::collect_points(const Step& step, Island& island) {
+  const BatchPoints& points = step.points;
+  island.point_count = 0;
+  for (const auto& [batch, lane, kind, rank] :
+       std::span(lanes_).subspan(island.first_lane, island.lane_count)) {
+    const ContactBatch& o = step.graph.batch(batch);
+    const bool of_pair = is_pair(kind);
+    for (int k = o.first_point; k < o.first_point + o.point_count; ++k) {
+      const bool may_reach = island.is_pressed && points.point[k].normal_mass[lane] > 0.0F;
+      if (!may_reach && !bears_or_touches(points.point[k], lane)) continue;
+      Point& p = points_[island.first_point + island.point_count++];
+      p.body[0] = body_of(step, o.a[lane]), p.body[1] = of_pair ? body_of(step, o.b[lane]) : -1;
+      p.index = k, p.lane = lane;
+      p.row[0] = o.a[lane], p.row[1] = of_pair ? o.b[lane] : -1;
+      p.kind = kind;
+      p.steady_impulse = static_cast<double>(points.point[k].normal_impulse[lane]);
+      p.keep(points.point[k]);
+    }
+  }
 }
 
 void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
@@ -545,17 +568,20 @@ void HeavyIslandSolver::collect_welds(const Step& step) {
   for_each_weld([&](const Weld& w, Island& island) { welds_[island.first_weld + island.weld_count++] = w; });
 }
 
-// The largest first, each to the member that has least to do.
+// Of about equal work.
 void HeavyIslandSolver::share_islands() {
   const auto work_of = [](const Island& island) { return island.point_count + 4 * island.body_count; };
-  std::vector<std::int32_t> order(islands_.size()), work(members_.size(), 0);
-  std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_sort(order, std::ranges::greater(),
-                           [&](std::int32_t i) { return work_of(islands_[i]); });
-  for (const std::int32_t i : order) {
-    const auto least = std::ranges::min_element(work);
-    islands_[i].member = static_cast<std::int32_t>(least - work.begin());
-    *least += work_of(islands_[i]);
+  std::int32_t work = 0, before = 0;
+  for (const Island& island : islands_) work += work_of(island);
+  share_begin_.assign(members_.size() + 1, static_cast<std::int32_t>(islands_.size()));
+  std::size_t member = 0;
+  for (std::size_t i = 0; i < islands_.size(); ++i) {
+    const std::int32_t middle = 2 * before + work_of(islands_[i]);
+    for (; member < members_.size() && 2 * work * static_cast<std::int32_t>(member) <=
+                                           middle * static_cast<std::int32_t>(members_.size());
+         ++member)
+      share_begin_[member] = static_cast<std::int32_t>(i);
+    before += work_of(islands_[i]);
   }
 }
 

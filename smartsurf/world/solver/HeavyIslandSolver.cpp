@@ -600,9 +600,9 @@ void HeavyIslandSolver::note_solved(const Island& island, bool is_solved) {
 
 void HeavyIslandSolver::solve(const BatchPoints& points, const SolverBodies& rows, const Substep& substep,
                               const Member& member) {
-  for (std::size_t i = 0; i < islands_.size(); ++i) {
+  const auto share = [this](int m) { return share_of(m); };
+  for (int i; (i = queue_.take(member.index, share)) >= 0;) {
     Island& island = islands_[i];
-    if (island.member != member.index) continue;
     if (!std::exchange(island.is_prepared, true)) prepare_island(island, points, rows, matrices_[i]);
     solve_island(island, points, rows, substep, matrices_[i], members_[member.index]);
   }

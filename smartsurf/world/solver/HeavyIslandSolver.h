@@ -18,6 +18,7 @@
 #include "smartsurf/world/body/BodyStore.h"
 #include "smartsurf/world/broadphase/SpatialPartition.h"
 #include "smartsurf/world/field/SupportPatch.h"
+#include "smartsurf/world/parallel/SlabQueue.h"
 #include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/BlockCholesky.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
@@ -73,6 +74,8 @@ class HeavyIslandSolver {
     JointSolver& joints;
     BodyVelocity* start_velocity;  // see JointSolver::Rows
   };
+  // Call from one thread before each solve(), while no member is in it.
+  void begin_solve() { queue_.reset(static_cast<int>(members_.size())); }
   // Corrects the impulses after a sweep. Called by all members, each of which solves some of the islands;
   // nobody may use the bodies of the islands meanwhile.
   void solve(const BatchPoints&, const SolverBodies&, const Substep&, const Member&);
@@ -88,6 +91,7 @@ class HeavyIslandSolver {
   struct BearingLane {
     std::int32_t batch, lane;
     ContactKind kind;
+    std::pair<int, int> rank;  // see ConstraintGraph::rank()
   };
   // A body that meets what it lies on, and the flag of its set if nothing bears it yet.
   struct Fresh {
@@ -97,8 +101,8 @@ class HeavyIslandSolver {
   struct alignas(128) MemberData {
     std::vector<std::int32_t> heavy_rows, sinking_rows, sliding_rows, pressed_rows;
     std::vector<Fresh> fresh_rows;
-    std::vector<BearingLane> lanes;
-    BlockCholesky matrix;  // of the island that the member solves
+    std::vector<BearingLane> lanes;  // ascending by rank
+    BlockCholesky matrix;            // of the island that the member solves
     double right_side[BlockCholesky::kSize * kMaxBodies];
     std::vector<LinearLoad> loads;  // of the elastic patches of that island
     std::vector<char> bears;        // by load
@@ -174,13 +178,13 @@ class HeavyIslandSolver {
   };
   struct Island {
     int min_bodies;  // smaller ones are left to the sweeps
-    std::int32_t body_count = 0, first_body = 0, first_point = 0, point_count = 0, first_patch = 0,
-                 patch_count = 0, first_elastic = 0, elastic_count = 0, first_weld = 0, weld_count = 0;
+    std::int32_t body_count = 0, first_body = 0, first_lane = 0, lane_count = 0, first_point = 0,
+                 point_count = 0, first_patch = 0, patch_count = 0, first_elastic = 0, elastic_count = 0,
+                 first_weld = 0, weld_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     bool is_pressed = false;        // a light body bears a heavy one
     bool is_passive = true;         // nothing that moves of itself or by a joint touches it
     double least_inverse_mass = 1e30;
-    std::int32_t member = 0;   // that solves it
     bool is_prepared = false;  // what stays through the step
   };
 
@@ -194,10 +198,13 @@ class HeavyIslandSolver {
   std::int32_t body_of(const Step& step, std::int32_t row) const {
     return step.velocity[row].inverse_mass > 0.0F ? body_of_row_[row] : -1;
   }
-  void collect_points(const Step&);
+  void merge_lanes();
+  void order_lanes(const Step&);
+  void collect_points(const Step&, Island&);
   void collect_patches(std::span<SupportPatches>);
   void collect_welds(const Step&);
   void share_islands();
+  IndexRange share_of(int member) const { return {share_begin_[member], share_begin_[member + 1]}; }
   struct IslandContacts {
     std::span<Point> points;
     std::span<PatchFriction> patches;
@@ -234,16 +241,20 @@ class HeavyIslandSolver {
   static void apply(const IslandContacts&, const BatchPoints&, const SolverBodies&, const Substep&);
 
   std::vector<MemberData> members_;
-  std::vector<std::uint8_t> bearing_lanes_;  // by batch; bit i: a point of lane i bears or touches
-  std::vector<BearingLane> lanes_;           // of the islands, in the order of the batches
+  std::vector<std::uint8_t> bearing_lanes_;        // by batch; bit i: a point of lane i bears or touches
+  std::vector<BearingLane> lanes_, merged_lanes_;  // of the islands, island by island; of all, both by rank
   std::vector<std::int32_t> parent_;  // by row: union-find, in which the least row of a set is its root
   std::vector<std::uint8_t> flags_;   // by row, of roots
   std::vector<std::uint8_t> is_borne_, is_pressed_;  // by row
   std::vector<std::int32_t> island_of_row_, body_of_row_;
   std::vector<Island> islands_;
+  // By member: the first island of its share, and their number at the end. Islands follow each other in the
+  // order of the rows, so that those of a share lie together in space.
+  std::vector<std::int32_t> share_begin_;
+  SlabQueue queue_;                 // of islands
   std::vector<std::int32_t> rows_;  // of the islands' bodies
   std::vector<IslandBody> bodies_;  // in the same order
-  std::vector<Point> points_;
+  std::vector<Point> points_;       // of each island as many as its lanes may have, some of them unused
   std::vector<PatchFriction> patches_;
   std::vector<ElasticPatch> elastic_patches_;
   std::vector<Weld> welds_;

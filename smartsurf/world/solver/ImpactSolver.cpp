@@ -1,9 +1,11 @@
 #include "smartsurf/world/solver/ImpactSolver.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "smartsurf/world/contact/ContactMaterial.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
@@ -244,8 +246,15 @@ void ImpactSolver::run(Task task, const Step& step, const Member& member, bool s
 }
 
 void ImpactSolver::work_on_task(const Step& step, const Member& member) {
-  if (task_ == Task::kFindResisting)
-    find_resisting(step, member);
+  MemberState& state = members_[member.index];
+  if (task_ == Task::kFindApproaching)
+    for_each_struck_manifold(step, [&](const ManifoldRef& m, std::vector<Point>& found) {
+      find_approaching(step, m, state, found);
+    });
+  else if (task_ == Task::kFindResisting)
+    for_each_struck_manifold(step, [&](const ManifoldRef& m, std::vector<Point>& found) {
+      find_resisting(step, m, state, found);
+    });
   else
     sweep_islands(member);
 }
@@ -267,21 +276,21 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
     if (generation == 0)
       add_hits(step);
     else
-      for (const ManifoldRef& m : active_) add_approaching_points(step, m);
+      add_found_points(Task::kFindApproaching, step, member);
     if (points_.empty()) break;
     blow_points += points_.size();
     run_sweeps(Task::kSolvePoints, step, member, sweeps_of(points_.size()));
     moved_bodies_.clear();
     int pass = 0;
-    for (; pass < kMaxResistingPasses && add_resisting_points(step, member); ++pass)
+    for (; pass < kMaxResistingPasses && add_found_points(Task::kFindResisting, step, member); ++pass)
       run_sweeps(Task::kSolveNormals, step, member, kNormalSweepsPerPass);
     if (pass > 0) run_sweeps(Task::kSolvePoints, step, member, sweeps_of(points_.size()));
     for (const std::int32_t body : moved_bodies_) mark_changed(step, body);
     limit_energy();
     if (generation == 0) move_on(step);
     for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
-    collect_active_manifolds(step);
   }
+  forget_changed_bodies(step);
 }
 
 // ---- manifolds of moved bodies
@@ -292,6 +301,7 @@ void ImpactSolver::index_manifolds(const Step& step) {
   static_manifold_.assign(bodies, -1);
   static_hits_.assign(bodies, 0);
   next_pair_.resize(2 * pairs);
+  place_.resize(bodies);
   island_.resize(bodies);
   energy_.resize(bodies);
   root_.assign(step.partition.row_count(), -1);
@@ -320,6 +330,11 @@ void ImpactSolver::mark_changed(const Step& step, std::int32_t body) {
   bool& is_changed = state_of_row(step.partition.row(body)).is_changed;
   if (!is_changed) changed_bodies_.push_back(body);
   is_changed = true;
+}
+
+void ImpactSolver::forget_changed_bodies(const Step& step) {
+  for (const std::int32_t body : changed_bodies_) state_of_row(step.partition.row(body)).is_changed = false;
+  changed_bodies_.clear();
 }
 
 // Moves on from the changed bodies to their manifolds.
@@ -356,8 +371,7 @@ void ImpactSolver::set_back_bodies(const Step& step) {
         set_back(step, m, list.contacts[k], kTouchingSeparation);
     }
   }
-  for (const std::int32_t body : changed_bodies_) state_of_row(step.partition.row(body)).is_changed = false;
-  changed_bodies_.clear();
+  forget_changed_bodies(step);
 }
 
 // Bodies that meet in flight, with nothing else about them, are not set back: they move on with their new
@@ -538,11 +552,64 @@ void ImpactSolver::add_hits(const Step& step) {
   }
 }
 
-// Adds the touching points of a manifold that approach, if any of them does so fast enough. Contacts without
-// restitution resist instead: add_resisting_points().
-void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& ref) {
+// Adds the points that the task finds among the manifolds of the changed bodies, in the order of these.
+// Returns whether there are any.
+bool ImpactSolver::add_found_points(Task task, const Step& step, const Member& member) {
+  constexpr std::size_t kMinSharedBodies = 16;
+  constexpr int kChunksPerMember = 8;
+  const std::size_t before = points_.size();
+  take_changed_bodies(step);
+  if (task == Task::kFindResisting) moved_bodies_.insert(moved_bodies_.end(), struck_.begin(), struck_.end());
+  const bool shares = member.member_count > 1 && struck_.size() >= kMinSharedBodies;
+  next_chunk_ = 0, chunk_count_ = shares ? kChunksPerMember * member.member_count : 1;
+  if (std::ssize(found_) < chunk_count_) found_.resize(chunk_count_);
+  run(task, step, member, shares);
+  for (std::vector<Point>& found : found_) {
+    std::ranges::for_each(found, [this](const Point& p) { add_point(p); });
+    found.clear();
+  }
+  for (MemberState& m : members_) rebounds_ |= std::exchange(m.rebounds, false);
+  return points_.size() > before;
+}
+
+void ImpactSolver::take_changed_bodies(const Step& step) {
+  struck_.swap(changed_bodies_);
+  changed_bodies_.clear();
+  for (std::size_t i = 0; i < struck_.size(); ++i) {
+    place_[struck_[i]] = static_cast<std::int32_t>(i);
+    state_of_row(step.partition.row(struck_[i])).is_changed = false;
+  }
+}
+
+// Calls each(manifold, points found in the chunk) for the manifolds of the struck bodies in the chunks that
+// the member claims; for those of two struck bodies only where the first of them is.
+template <class Each>
+void ImpactSolver::for_each_struck_manifold(const Step& step, Each each) {
+  const Index bodies = std::ssize(struck_);
+  for (int chunk;
+       (chunk = std::atomic_ref(next_chunk_).fetch_add(1, std::memory_order_relaxed)) < chunk_count_;) {
+    std::vector<Point>& found = found_[chunk];
+    for (Index i = bodies * chunk / chunk_count_; i < bodies * (chunk + 1) / chunk_count_; ++i) {
+      const std::int32_t body = struck_[i];
+      for (std::int32_t link = first_pair_[body]; link >= 0; link = next_pair_[link]) {
+        const Manifold& m = step.pair_contacts.manifolds[link / 2];
+        const std::int32_t other = link % 2 == 0 ? m.b : m.a;
+        const Index place = place_[other];
+        const bool comes_first = place < i && struck_[place] == other;
+        if (!comes_first) each(ManifoldRef{true, link / 2}, found);
+      }
+      if (static_manifold_[body] >= 0) each(ManifoldRef{false, static_manifold_[body]}, found);
+    }
+  }
+}
+
+// Finds the touching points of a manifold that approach, if any of them does so fast enough. Contacts without
+// restitution resist instead: find_resisting().
+void ImpactSolver::find_approaching(const Step& step, const ManifoldRef& ref, MemberState& state,
+                                    std::vector<Point>& found) {
   ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
   const Manifold& m = list.manifolds[ref.index];
+  state.approaching.clear();
   float least = 0.0F;
   bool touches = false;
   for (int k = m.first; k < m.first + m.count; ++k) {
@@ -557,61 +624,39 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
     if (!ref.is_pair && !postponed_.empty() && !postponed_[k].is_met_at(speed)) continue;
     touches |= separation <= kTouchingSeparation;
     least = std::min(least, speed);
-    approaching_.push_back({&c, law::rebound_speed(restitution, speed)});
+    state.approaching.push_back({&c, law::rebound_speed(restitution, speed)});
   }
-  if (touches && least < -kRestitutionThreshold) {
-    // A body that surfaces squeeze would bounce between them without end.
-    const bool is_elastic = !is_last_ && (ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits);
-    rebounds_ |= is_elastic;
-    for (const Approaching& a : approaching_) {
-      Point p = make_point(step, m, *a.contact);
-      set_target(p, is_elastic ? a.rebound_speed : 0.0F, 0.0F);
-      add_point(p);
-    }
-  }
-  approaching_.clear();
+  if (!touches || least >= -kRestitutionThreshold) return;
+  // A body that surfaces squeeze would bounce between them without end.
+  const bool is_elastic = !is_last_ && (ref.is_pair || static_hits_[m.a]++ < kMaxElasticStaticHits);
+  state.rebounds |= is_elastic;
+  for (const Approaching& a : state.approaching)
+    set_target(found.emplace_back(make_point(step, m, *a.contact)), is_elastic ? a.rebound_speed : 0.0F,
+               0.0F);
 }
 
-// Adds the touching contacts without restitution that the blow has made approach: a body that rests on
-// another is not struck as if it hung free. Returns whether there are any.
-bool ImpactSolver::add_resisting_points(const Step& step, const Member& member) {
-  constexpr std::size_t kMinSharedManifolds = 64;
-  const std::size_t before = points_.size();
-  moved_bodies_.insert(moved_bodies_.end(), changed_bodies_.begin(), changed_bodies_.end());
-  collect_active_manifolds(step);
-  run(Task::kFindResisting, step, member, member.member_count > 1 && active_.size() >= kMinSharedManifolds);
-  for (MemberState& m : members_) {
-    std::ranges::for_each(m.resisting, [this](const Point& p) { add_point(p); });
-    m.resisting.clear();
+// Finds the touching contacts without restitution that the blow has made approach: a body that rests on
+// another is not struck as if it hung free.
+void ImpactSolver::find_resisting(const Step& step, const ManifoldRef& ref, MemberState& state,
+                                  std::vector<Point>& found) {
+  ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
+  const Manifold& m = list.manifolds[ref.index];
+  state.contacts.clear();
+  bool approach = false, touches = false;
+  const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
+  for (int k = m.first; k < m.first + m.count; ++k) {
+    Contact& c = list.contacts[k];
+    if (c.gives_way() || (!is_last_ && restitution_at(step, m, c) > 0.0F) || is_point(step, ref.is_pair, c))
+      continue;
+    const Sides s(step, m, c);
+    const float speed = c.normal.dot(s.velocity()), separation = s.separation(c, step.dt_s);
+    if (separation > touching_separation(step, speed)) continue;
+    touches |= separation <= kTouchingSeparation;
+    approach |= speed < -kResistingShare * blow_speed;
+    state.contacts.push_back(&c);
   }
-  return points_.size() > before;
-}
-
-void ImpactSolver::find_resisting(const Step& step, const Member& member) {
-  MemberState& state = members_[member.index];
-  std::vector<Contact*>& contacts = state.contacts;
-  const IndexRange own = member.share(static_cast<int>(active_.size()));
-  for (const ManifoldRef& ref : std::span(active_).subspan(own.begin, own.end - own.begin)) {
-    ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
-    const Manifold& m = list.manifolds[ref.index];
-    contacts.clear();
-    bool approach = false, touches = false;
-    const float blow_speed = std::max(blow_speed_[m.a], m.b >= 0 ? blow_speed_[m.b] : 0.0F);
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      Contact& c = list.contacts[k];
-      if (c.gives_way() || (!is_last_ && restitution_at(step, m, c) > 0.0F) || is_point(step, ref.is_pair, c))
-        continue;
-      const Sides s(step, m, c);
-      const float speed = c.normal.dot(s.velocity()), separation = s.separation(c, step.dt_s);
-      if (separation > touching_separation(step, speed)) continue;
-      touches |= separation <= kTouchingSeparation;
-      approach |= speed < -kResistingShare * blow_speed;
-      contacts.push_back(&c);
-    }
-    if (!touches || !approach) continue;
-    for (Contact* c : contacts)
-      set_target(state.resisting.emplace_back(make_point(step, m, *c)), 0.0F, blow_speed);
-  }
+  if (!touches || !approach) return;
+  for (Contact* c : state.contacts) set_target(found.emplace_back(make_point(step, m, *c)), 0.0F, blow_speed);
 }
 
 void ImpactSolver::set_target(Point& p, float speed, float blow_speed) {

@@ -8,8 +8,8 @@
 // travels through a row of balls one by one, and what is symmetric stays symmetric.
 //
 // One thread solves the impacts. Where a blow reaches many contacts, the team shares the search for those
-// that resist it and the sweeps: island by island, and a great island slab by slab. An island is swept for as
-// long as the whole list would be. The order of a sweep depends on the contacts alone.
+// that approach or resist and the sweeps: island by island, and a great island slab by slab. An island is
+// swept for as long as the whole list would be. The order of a sweep depends on the contacts alone.
 #pragma once
 
 #include <cstdint>
@@ -180,9 +180,10 @@ class ImpactSolver {
   struct alignas(128) MemberState {
     std::vector<Candidate> candidates;
     std::vector<Change> changes;
-    std::vector<Point> resisting;
-    std::vector<Contact*> contacts;  // of a manifold that may resist
-    float greatest_change[2];        // of the last two sweeps of the team
+    std::vector<Contact*> contacts;        // of a manifold that may resist
+    std::vector<Approaching> approaching;  // of a manifold
+    bool rebounds = false;                 // a contact that it found to approach
+    float greatest_change[2];              // of the last two sweeps of the team
   };
   // Who sweeps over an island: a member, or the team, of which this is a member.
   struct Sweeper {
@@ -201,7 +202,7 @@ class ImpactSolver {
     }
   };
   // What the caller has all members do.
-  enum class Task { kNone, kFindResisting, kSolveNormals, kSolvePoints };
+  enum class Task { kNone, kFindApproaching, kFindResisting, kSolveNormals, kSolvePoints };
 
   void solve_on_caller(const Step&, const Member&);
   void run(Task, const Step&, const Member&, bool shares);
@@ -224,12 +225,16 @@ class ImpactSolver {
   void move_on(const Step&);
   void move_pair_on(const Step&, std::size_t first, std::size_t end);
   void mark_changed(const Step&, std::int32_t body);
+  void forget_changed_bodies(const Step&);
   void collect_active_manifolds(const Step&);
   void add_hits(const Step&);
   Point make_meeting(const Step&, const Hit&, const Manifold&, Contact&);
-  void add_approaching_points(const Step&, const ManifoldRef&);
-  bool add_resisting_points(const Step&, const Member&);
-  void find_resisting(const Step&, const Member&);
+  bool add_found_points(Task, const Step&, const Member&);
+  void take_changed_bodies(const Step&);
+  template <class Each>
+  void for_each_struck_manifold(const Step&, Each each);
+  void find_approaching(const Step&, const ManifoldRef&, MemberState&, std::vector<Point>& found);
+  void find_resisting(const Step&, const ManifoldRef&, MemberState&, std::vector<Point>& found);
   static void set_target(Point&, float speed, float blow_speed);
   char& is_point(const Step&, bool is_pair, const Contact&);
   void clear_points(const Step&);
@@ -268,12 +273,16 @@ class ImpactSolver {
   std::vector<RowState> row_states_;
   // Bodies that the last generation moved, and their manifolds.
   std::vector<std::int32_t> changed_bodies_;
+  std::vector<std::int32_t> struck_;  // those whose manifolds the members look at
+  std::vector<std::int32_t> place_;   // by body: where it is in struck_; of others anything
+  // By chunk of struck_, which members claim one after the other: the points that were found.
+  std::vector<std::vector<Point>> found_;
+  int next_chunk_ = 0, chunk_count_ = 0;
   std::vector<ManifoldRef> active_;
   std::vector<char> is_active_pair_;
-  float tolerance_ = 0.0F;  // of the current generation
-  bool is_last_ = false;    // of the generations: without restitution
-  bool rebounds_ = false;   // a contact of the last generation
-  std::vector<Approaching> approaching_;
+  float tolerance_ = 0.0F;                  // of the current generation
+  bool is_last_ = false;                    // of the generations: without restitution
+  bool rebounds_ = false;                   // a contact of the last generation
   std::vector<float> blow_speed_;           // by body
   std::vector<std::int32_t> moved_bodies_;  // in the current generation
   std::vector<Point> points_;
@@ -290,7 +299,8 @@ class ImpactSolver {
   std::vector<Island> islands_;
   std::vector<std::int32_t> order_;  // points, island by island, in the order of their sweeps
   std::vector<std::int32_t> bounds_, slab_of_row_, first_in_slab_, unordered_;
-  std::size_t shared_islands_ = 0;  // the first of islands_, which the team sweeps together
+  std::vector<std::int32_t> key_of_point_;  // its island, or its place in the order of phases and slabs
+  std::size_t shared_islands_ = 0;          // the first of islands_, which the team sweeps together
   std::vector<Chunk> chunks_;
   std::size_t lone_islands_ = 0;            // each the only one of a chunk; these come first
   std::int32_t least_friction_sweeps_ = 0;  // that each island takes part in

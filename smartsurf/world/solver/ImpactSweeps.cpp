@@ -51,25 +51,28 @@ void ImpactSolver::find_islands(const SpatialPartition& partition) {
     if (p.row_b >= 0) root_[find_root(root_, p.row_b)] = find_root(root_, p.row_a);
   }
   islands_.clear();
-  for (const Point& p : points_) island_of_root_[find_root(root_, p.row_a)] = -1;
-  for (const Point& p : points_) {
-    const std::int32_t root = find_root(root_, p.row_a);
+  key_of_point_.resize(points_.size());
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    key_of_point_[i] = find_root(root_, points_[i].row_a);
+    island_of_root_[key_of_point_[i]] = -1;
+  }
+  for (std::int32_t& key : key_of_point_) {
+    const std::int32_t root = key;
     std::int32_t& island = island_of_root_[root];
     if (island < 0) {
       island = static_cast<std::int32_t>(islands_.size());
       islands_.push_back({root});
     }
     ++islands_[island].count;
+    key = island;
   }
   std::int32_t first = 0;
-  for (Island& island : islands_) {
-    island.first = first;
-    first += island.count;
-    island_of_root_[island.root] = island.first;  // from here on: where its next point goes
-  }
+  for (Island& island : islands_) island.first = first, first += std::exchange(island.count, 0);
   order_.resize(points_.size());
-  for (std::size_t i = 0; i < points_.size(); ++i)
-    order_[island_of_root_[find_root(root_, points_[i].row_a)]++] = static_cast<std::int32_t>(i);
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    Island& island = islands_[key_of_point_[i]];
+    order_[island.first + island.count++] = static_cast<std::int32_t>(i);
+  }
   bounds_.clear();
   for (Island& island : islands_)
     if (island.count >= kMinGreatIsland) order_by_slab(island, partition);
@@ -90,7 +93,10 @@ void ImpactSolver::order_by_slab(Island& island, const SpatialPartition& partiti
   };
   const std::span points(order_.data() + island.first, static_cast<std::size_t>(island.count));
   first_in_slab_.assign(kPhases * slabs + 1, 0);
-  for (const std::int32_t point : points) ++first_in_slab_[key_of(point) + 1];
+  for (const std::int32_t point : points) {
+    key_of_point_[point] = key_of(point);
+    ++first_in_slab_[key_of_point_[point] + 1];
+  }
   first_in_slab_[0] = island.first;
   for (int i = 0; i < kPhases * slabs; ++i) first_in_slab_[i + 1] += first_in_slab_[i];
 
@@ -102,16 +108,23 @@ void ImpactSolver::order_by_slab(Island& island, const SpatialPartition& partiti
   island.first_bound = static_cast<std::int32_t>(bounds_.size());
   bounds_.resize(bounds_.size() + kPhases * (members + 1));
   std::int32_t slab = 0, before = 0;  // points in the slabs before
+  const auto points_in = [&](std::int32_t of) {
+    std::int32_t count = 0;
+    for (int phase = 0; phase < kPhases; ++phase) count += firsts_of(phase)[of + 1] - firsts_of(phase)[of];
+    return count;
+  };
   for (std::int32_t m = 0; m <= members; ++m) {
-    for (; slab < slabs && before < island.count * m / members; ++slab)
-      for (int phase = 0; phase < kPhases; ++phase)
-        before += firsts_of(phase)[slab + 1] - firsts_of(phase)[slab];
+    for (; slab < slabs; ++slab) {
+      const std::int32_t own = points_in(slab);
+      if (m < members && before + own / 2 >= island.count * m / members) break;
+      before += own;
+    }
     for (int phase = 0; phase < kPhases; ++phase)
       bounds_[island.first_bound + phase * (members + 1) + m] =
           phase == kElsewhere && m > 0 ? firsts_of(phase).back() : firsts_of(phase)[slab];
   }
   unordered_.assign(points.begin(), points.end());
-  for (const std::int32_t point : unordered_) order_[first_in_slab_[key_of(point)]++] = point;
+  for (const std::int32_t point : unordered_) order_[first_in_slab_[key_of_point_[point]]++] = point;
 }
 
 // Islands that the team shares come first, then those with more than a member's share, the others in the

@@ -394,6 +394,7 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
   if (has_supports_) run_supports(context, member, support_stage);
   if (support_stage == SupportStage::kWarmStart || heavy_islands_.empty()) return;
   member.wait();
+  if (member.is_caller()) heavy_islands_.begin_solve();
   member.arrive_and_wait();
   heavy_islands_.solve(batch_points(), context.solver_bodies,
                        {pair_params, static_params, support_stage == SupportStage::kSolve,
