@@ -45,8 +45,12 @@ void set_from(const BodyStore& bodies, std::int32_t body, const Manifold& m, con
 }
 
 struct Neighbour {
-  std::int32_t manifold, next;
+  std::int32_t manifold, other, next;  // `other`: the other body of the manifold
 };
+
+bool has_faces(const BodyStore& bodies, std::size_t i) {
+  return !bodies.is_sphere[i] && !bodies.is_axisymmetric[i];
+}
 
 // The manifolds of each body with others that move, and, if any body is fixed, that with all that does not.
 class Neighbours {
@@ -54,11 +58,14 @@ class Neighbours {
   void find(const BodyStore& bodies, const ContactList& pairs, const ContactList& statics) {
     neighbours_.clear();
     first_.assign(bodies.size(), -1);
-    for (std::int32_t i = 0; i < std::ssize(pairs.manifolds); ++i)
-      for (const std::int32_t body : {pairs.manifolds[i].a, pairs.manifolds[i].b}) {
-        neighbours_.push_back({i, first_[body]});
+    for (std::int32_t i = 0; i < std::ssize(pairs.manifolds); ++i) {
+      const auto add = [&](std::int32_t body, std::int32_t other) {
+        neighbours_.push_back({i, other, first_[body]});
         first_[body] = static_cast<std::int32_t>(neighbours_.size()) - 1;
-      }
+      };
+      const Manifold& m = pairs.manifolds[i];
+      add(m.a, m.b), add(m.b, m.a);
+    }
     has_fixed_ = std::ranges::find(bodies.mass, 0.0F) != bodies.mass.end();
     if (!has_fixed_) return;
     static_.assign(bodies.size(), -1);
@@ -69,18 +76,19 @@ class Neighbours {
   }
   // −1: none.
   std::int32_t static_of(std::size_t body) const { return has_fixed_ ? static_[body] : -1; }
-  // In descending order.
+  // Calls visit(manifold, other body) in descending order.
   template <class Visit>
   void for_each(std::size_t body, Visit visit) const {
-    any_of(body, [&](std::int32_t manifold) {
-      visit(manifold);
+    any_of(body, [&](const Neighbour& n) {
+      visit(n.manifold, n.other);
       return false;
     });
   }
+  // Calls is(neighbour) until it returns true.
   template <class Is>
   bool any_of(std::size_t body, Is is) const {
     for (std::int32_t k = first_[body]; k >= 0; k = neighbours_[k].next)
-      if (is(neighbours_[k].manifold)) return true;
+      if (is(neighbours_[k])) return true;
     return false;
   }
 
@@ -105,20 +113,15 @@ struct Touched {
 // Appends them in the order of the bodies that move, then for each fixed body.
 void find_touched(const BodyStore& bodies, std::int32_t body, const Neighbours& neighbours,
                   ContactList& pairs, ContactList& statics, std::vector<Touched>& out) {
-  const auto has_faces = [&](std::int32_t other) {
-    const Shape& s = *bodies.shape[other];
-    return !s.hulls.empty() || s.kind == scene::ShapeKind::kBox;
-  };
   const auto add = [&](std::int32_t other, const Manifold& m, std::span<Contact> contacts) {
     constexpr float kRounding = 1e-3F;  // u
     const float reach = greatest_continued_distance(*bodies.shape[other]) + kRounding;
     out.push_back({other, &m, contacts, bodies.origin(other), reach * reach});
   };
   out.clear();
-  neighbours.for_each(body, [&](std::int32_t k) {
+  neighbours.for_each(body, [&](std::int32_t k, std::int32_t other) {
     const Manifold& m = pairs.manifolds[k];
-    const std::int32_t other = m.a == body ? m.b : m.a;
-    if (has_faces(other)) add(other, m, pairs.contacts_of(m));
+    if (has_faces(bodies, other)) add(other, m, pairs.contacts_of(m));
   });
   std::reverse(out.begin(), out.end());
   if (neighbours.static_of(body) < 0) return;
@@ -128,7 +131,7 @@ void find_touched(const BodyStore& bodies, std::int32_t body, const Neighbours& 
     const Partner partner = contacts[from].partner;
     while (to < contacts.size() && contacts[to].partner == partner) ++to;
     const std::int32_t other = other_body(m, contacts[from]);
-    if (other >= 0 && has_faces(other)) add(other, m, contacts.subspan(from, to - from));
+    if (other >= 0 && has_faces(bodies, other)) add(other, m, contacts.subspan(from, to - from));
   }
 }
 
@@ -139,8 +142,7 @@ bool may_continue(const BodyStore& bodies, std::size_t other, const Vec3& point)
 
 // False if the body slides at no point of the pair, as the motion of the two bodies tells without a look at
 // their contacts: most bodies are at rest.
-bool may_slide(const BodyStore& bodies, std::int32_t body, const Manifold& m) {
-  const std::int32_t other = m.a == body ? m.b : m.a;
+bool may_slide(const BodyStore& bodies, std::int32_t body, std::int32_t other) {
   Vec3 relative = bodies.velocity(body);
   float turning = 0.0F;
   if (bodies.is_active(other)) {
@@ -238,9 +240,13 @@ void SeamCorrection::Shared::find(const BodyStore& bodies, ContactList& pairs, C
   thread_local std::vector<SeamContact> seam;
   thread_local std::vector<Solid> solids;
   if (!bodies.is_active(i) || !neighbours.has_several(i)) return;
+  // Two at least with faces are needed, of which any number may be fixed.
+  int faced = neighbours.static_of(i) >= 0 ? 2 : 0;
+  const auto is_second = [&](const Neighbour& n) { return has_faces(bodies, n.other) && ++faced == 2; };
+  if (faced == 0 && !neighbours.any_of(i, is_second)) return;
   const bool slides_on_fixed = neighbours.static_of(i) >= 0 && bodies.velocity(i).norm() >= kSliding;
   if (!slides_on_fixed &&
-      !neighbours.any_of(i, [&](std::int32_t k) { return may_slide(bodies, i, pairs.manifolds[k]); }))
+      !neighbours.any_of(i, [&](const Neighbour& n) { return may_slide(bodies, i, n.other); }))
     return;
   find_touched(bodies, i, neighbours, pairs, statics, touched);
   if (touched.size() < 2) return;
