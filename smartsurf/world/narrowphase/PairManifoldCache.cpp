@@ -18,13 +18,26 @@ constexpr float kPairTravelFraction = 0.03F, kMaxPairTravel = 0.06F;
 // so the error is of second order, about 1e-3 u.
 constexpr float kPairSlipFraction = 0.015F, kMaxPairSlip = 0.03F;
 
+// axes·v and axesᵀ·v. Eigen's products, which round alike, are calls; or they go through temporaries that are
+// copied in other sizes than they were written: each copy waits for the stores. So would loops here.
+Vec3 turn(const Mat3& axes, const Vec3& v) {
+  const auto dot_row = [&](int i) { return axes(i, 0) * v[0] + (axes(i, 1) * v[1] + axes(i, 2) * v[2]); };
+  return {dot_row(0), dot_row(1), dot_row(2)};
+}
+template <class Vector>
+Vec3 turn_back(const Mat3& axes, const Vector& v) {
+  const auto dot_column = [&](int i) { return axes(0, i) * v[0] + (axes(1, i) * v[1] + axes(2, i) * v[2]); };
+  return {dot_column(0), dot_column(1), dot_column(2)};
+}
+
 // Pose of a relative to b, in the axes of b.
 struct RelativePose {
   Mat3 rotation;
   Vec3 translation;
   RelativePose(const BodyStore& bodies, std::size_t a, std::size_t b)
-      : rotation(bodies.axes[b].transpose() * bodies.axes[a]),
-        translation(bodies.axes[b].transpose() * (bodies.origin(a) - bodies.origin(b))) {}
+      : translation(turn_back(bodies.axes[b], Vec3(bodies.origin(a) - bodies.origin(b)))) {
+    for (int k = 0; k < 3; ++k) rotation.col(k) = turn_back(bodies.axes[b], bodies.axes[a].col(k));
+  }
 };
 
 float min_bounding_radius(const BodyStore& bodies, std::size_t a, std::size_t b) {
@@ -47,13 +60,7 @@ float relative_motion(const RelativePose& pose, const PairManifoldCache::CachedM
 
 // The vector from the point on b to the point on a, in the axes of b.
 Vec3 point_offset(const RelativePose& pose, const PairManifoldCache::CachedPoint& p) {
-  return pose.rotation * p.on_a + pose.translation - p.on_b;
-}
-
-// Eigen's product, which rounds alike, goes through a temporary that is copied in other sizes than it was
-// written: each copy waits for the stores.
-void turn(const Mat3& axes, const Vec3& from, Vec3& to) {
-  for (int i = 0; i < 3; ++i) to[i] = axes(i, 0) * from[0] + (axes(i, 1) * from[1] + axes(i, 2) * from[2]);
+  return turn(pose.rotation, p.on_a) + pose.translation - p.on_b;
 }
 
 // True if the tangential motion exceeds `limit` at any cached point. Each pair of points was aligned along
@@ -208,13 +215,11 @@ PairManifoldCache::Points PairManifoldCache::collide(const BodyStore& bodies, st
     const float separation = p.normal.dot(point_offset(pose, p));
     if (separation > margin) continue;
     Contact& c = out.emplace_back();
-    turn(bodies.axes[b], p.normal, c.normal);
-    if (follows_b(bodies, a, b, c.normal)) {
-      turn(bodies.axes[b], p.on_b, c.anchor);
-      for (int i = 0; i < 3; ++i) c.anchor[i] = origin_b[i] + c.anchor[i] - origin_a[i];
-    } else {
-      turn(bodies.axes[a], p.on_a, c.anchor);
-    }
+    c.normal = turn(bodies.axes[b], p.normal);
+    if (follows_b(bodies, a, b, c.normal))
+      c.anchor = origin_b + turn(bodies.axes[b], p.on_b) - origin_a;
+    else
+      c.anchor = turn(bodies.axes[a], p.on_a);
     c.separation = separation;
     c.twist_friction_loss = manifold.twist_friction_loss;
     points.touching |= std::uint32_t{1} << (k % kMaxKnown);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/memory/Prefetch.h"
 #include "smartsurf/world/body/VectorRow.h"
 
 namespace smartsurf::world {
@@ -26,9 +27,9 @@ struct Curvature {
 // `from_origin`: to the contact point, in world axes.
 Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& from_origin,
                        const Vec3& normal) {
+  if (bodies.is_sphere[body]) return {1.0F / bodies.bounding_radius[body]};
+  if (!bodies.is_axisymmetric[body]) return {};
   const Shape& shape = *bodies.shape[body];
-  if (bodies.is_sphere[body]) return {1.0F / shape.radius};
-  if (!shape.is_axisymmetric()) return {};
   const Vec3 axis = bodies.axes[body].col(2);
   const float along = from_origin.dot(axis), normal_along = normal.dot(axis);
   // A speculative contact of a body that spins fast may lie far from it.
@@ -74,6 +75,14 @@ struct Side {
         centre(to_row(bodies.position[body])) {}
   Float4 velocity_at(const Float4& point) const { return velocity + cross(angular_velocity, point - centre); }
 };
+
+// What it reads, for all bodies of a pile, is more than the caches hold.
+void prefetch_gyroscopic_acceleration(const BodyStore& bodies, std::size_t body) {
+  if (bodies.is_sphere[body] || bodies.is_static(body)) return;
+  common::prefetch(&bodies.rotation_state[body].momentum[0]);
+  common::prefetch(&bodies.rotation_state[body].momentum[2]);
+  common::prefetch(&bodies.world_inverse_inertia[body]);
+}
 
 // The angular acceleration without torque, rad/s². Velocities have it from the end of the step on.
 Vec3 gyroscopic_acceleration(const BodyStore& bodies, std::size_t body) {
@@ -122,6 +131,8 @@ Float4 velocity_of_point(const Float4& at_a, const Float4& at_b, const Float4& s
 
 void move_rolling_points(const BodyStore& bodies, std::size_t a, std::optional<std::size_t> b, float time_s,
                          std::span<Contact> contacts) {
+  prefetch_gyroscopic_acceleration(bodies, a);
+  if (b) prefetch_gyroscopic_acceleration(bodies, *b);
   const Side side_a(bodies, a), side_b = b ? Side(bodies, *b) : Side();
   const Float4 spin = side_a.angular_velocity - side_b.angular_velocity;
   const float turn_squared = dot(spin, spin);
