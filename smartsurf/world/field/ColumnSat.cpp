@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include "smartsurf/world/simd/Simd4.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -22,12 +24,15 @@ void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
 
 void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
   axes_.clear();
+  const ConvexHullShape* const hull = proxy.part.hull;
+  constexpr std::size_t kOfColumn = 5, kMaxOfPrimitive = 24;  // those of a box
+  axes_.reserve(kOfColumn + (hull ? hull->hull->faces.size() + 3 * hull->edges.size() : kMaxOfPrimitive));
   faces_of_feature_.clear();
   separating_axis_ = 0;
   centre_ = proxy.centre;
   round_proxy_.reset();
   add(Vec3::UnitZ(), low.z(), 0.0F);
-  if (proxy.part.hull)
+  if (hull)
     add_hull(proxy);
   else if (proxy.part.shape.kind == ShapeKind::kBox)
     add_box(proxy);
@@ -37,12 +42,13 @@ void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high)
     add(Vec3::Unit(i), low[i], 0.0F);
     add(-Vec3::Unit(i), -high[i], 0.0F);
   }
+  axes_.pad();
 }
 
-// The axes added since the last call are those of a face, or of the edge between two.
+// The axis added since the last call, if there is one, is that of a face, or of the edge between two.
 void ColumnSat::note_feature(std::size_t left, std::size_t right) {
-  faces_of_feature_.resize(axes_.size() - first_feature_,
-                           {static_cast<std::uint16_t>(left), static_cast<std::uint16_t>(right)});
+  if (faces_of_feature_.size() < axes_.size() - first_feature_)
+    faces_of_feature_.push_back({static_cast<std::uint16_t>(left), static_cast<std::uint16_t>(right)});
 }
 
 void ColumnSat::add_box(const ConvexProxy& proxy) {
@@ -101,19 +107,41 @@ void ColumnSat::add_axisymmetric(const ConvexProxy& proxy) {
   for (int k = 0; k < 3; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
 }
 
-void ColumnSat::AxisList::clear() {
-  for (auto* v : {&x, &y, &z, &min_projection, &bias}) v->clear();
+void ColumnSat::AxisList::reserve(std::size_t axes) {
+  const std::size_t padded = axes + kSimd4Width;
+  if (x.size() >= padded) return;
+  for (auto* v : {&x, &y, &z, &min_projection, &bias}) v->resize(padded);
 }
 
 void ColumnSat::AxisList::add(const Vec3& normal, float projection, float axis_bias) {
-  x.push_back(normal.x()), y.push_back(normal.y()), z.push_back(normal.z());
-  min_projection.push_back(projection);
-  bias.push_back(axis_bias);
+  x[count] = normal.x(), y[count] = normal.y(), z[count] = normal.z();
+  min_projection[count] = projection;
+  bias[count] = axis_bias;
+  ++count;
+}
+
+void ColumnSat::AxisList::pad() {
+  for (std::size_t i = count; i < count + kSimd4Width; ++i)
+    x[i] = x[0], y[i] = y[0], z[i] = z[0], min_projection[i] = min_projection[0], bias[i] = bias[0];
 }
 
 inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) const {
   return min_projection[i] -
          ((x[i] > 0 ? q.east : q.west) * x[i] + (y[i] > 0 ? q.north : q.south) * y[i] + q.top * z[i]);
+}
+
+float ColumnSat::AxisList::separations(const Column& q, float* out) const {
+  const Float4 west = broadcast4(q.west), east = broadcast4(q.east), south = broadcast4(q.south),
+               north = broadcast4(q.north), top = broadcast4(q.top);
+  Float4 greatest = broadcast4(-std::numeric_limits<float>::infinity());
+  for (std::size_t i = 0; i < count; i += kSimd4Width) {
+    const Float4 nx = load4(&x[i]), ny = load4(&y[i]), nz = load4(&z[i]);
+    const Float4 of_column = (nx > 0.0F ? east : west) * nx + (ny > 0.0F ? north : south) * ny + top * nz;
+    const Float4 value = load4(&min_projection[i]) - of_column;
+    store4(value, out + i);
+    greatest = max(value, greatest);
+  }
+  return horizontal_max(greatest);
 }
 
 // The horizontal axis from a vertical edge of the column to the centre of a round part. False if a side is
@@ -132,15 +160,15 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestA
   // The axis that separated the last column often separates its neighbour too.
   if (axes_.separation(separating_axis_, q) > margin) return false;
   const std::size_t count = axes_.size();
-  separation_.resize(count);
-  for (std::size_t i = 0; i < count; ++i) separation_[i] = axes_.separation(i, q);
+  separation_.resize(count + kSimd4Width);
+  if (axes_.separations(q, separation_.data()) > margin) {
+    separating_axis_ =
+        std::ranges::find_if(separation_, [&](float s) { return s > margin; }) - separation_.begin();
+    return false;
+  }
   float max_biased_separation = -std::numeric_limits<float>::max(), over_bridge = max_biased_separation;
   std::size_t chosen = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    if (separation_[i] > margin) {
-      separating_axis_ = i;
-      return false;
-    }
     if (separation_[i] - axes_.bias[i] <= max_biased_separation) continue;
     if (q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance)) {
       over_bridge = std::max(over_bridge, separation_[i]);
@@ -178,13 +206,18 @@ std::optional<ColumnSat::BestAxis> ColumnSat::nearer_edge_axis() const {
   return BestAxis{Vec3(axes_.x[nearest], axes_.y[nearest], axes_.z[nearest]), separation_[nearest]};
 }
 
-float ColumnSat::separation_of_other_features(const Vec3& face_normal) const {
-  constexpr float kSameSquared = 1e-6F, kMinLowerZ = 0.8F;
-  const auto normal = [this](std::size_t i) { return Vec3(axes_.x[i], axes_.y[i], axes_.z[i]); };
-  int face = -1;
-  for (std::size_t k = 0; k < faces_of_feature_.size() && face < 0; ++k)
-    if ((normal(first_feature_ + k) + face_normal).squaredNorm() < kSameSquared)
-      face = faces_of_feature_[k][0];
+int ColumnSat::find_face(const Vec3& face_normal) const {
+  constexpr float kSameSquared = 1e-6F;
+  for (std::size_t k = 0; k < faces_of_feature_.size(); ++k) {
+    const std::size_t i = first_feature_ + k;
+    if ((Vec3(axes_.x[i], axes_.y[i], axes_.z[i]) + face_normal).squaredNorm() < kSameSquared)
+      return faces_of_feature_[k][0];
+  }
+  return -1;
+}
+
+float ColumnSat::separation_of_other_features(int face) const {
+  constexpr float kMinLowerZ = 0.8F;
   float greatest = -std::numeric_limits<float>::infinity();
   for (std::size_t k = 0; k < faces_of_feature_.size(); ++k) {
     const std::size_t i = first_feature_ + k;

@@ -35,20 +35,29 @@ class ColumnSat {
   // The edge axis of greatest separation from the last column, if that exceeds the separation along the axis
   // found: the bias against edge axes then decided.
   std::optional<BestAxis> nearer_edge_axis() const;
+  // The lower face of a hull that has this outward normal; −1 without one.
+  int find_face(const Vec3& normal) const;
   // The greatest separation from the last column along the normals of a hull's lower faces and edges other
-  // than the chosen axis, this face (its outward normal) and its edges; -infinity without any.
-  float separation_of_other_features(const Vec3& face_normal) const;
+  // than the chosen axis, this face and its edges; -infinity without any.
+  float separation_of_other_features(int face) const;
 
  private:
-  // One entry per axis.
+  // One entry per axis, and copies of the first one to fill up the last group of four.
   struct AxisList {
     std::vector<float> x, y, z;         // the normal
     std::vector<float> min_projection;  // least normal · p over the part's points p
     std::vector<float> bias;            // penalty of edge axes; keeps the choice stable from step to step
-    void clear();
+    std::size_t count = 0;
+
+    void clear() { count = 0; }
+    // Call before add() for up to so many axes in all.
+    void reserve(std::size_t axes);
     void add(const Vec3& normal, float projection, float axis_bias);
-    std::size_t size() const { return x.size(); }
+    void pad();  // call after the last add()
+    std::size_t size() const { return count; }
     float separation(std::size_t i, const Column&) const;
+    // Writes the separations along all axes, and returns the greatest.
+    float separations(const Column&, float* out) const;
   };
   void add(const Vec3& normal, float min_projection, float bias);
   void note_feature(std::size_t left, std::size_t right);

@@ -59,7 +59,7 @@ class PartOnField {
   }
 
   // By how much the face that search() chose on each column is nearer than any other of the part, u, at
-  // least.
+  // least. Infinite for parts other than hulls.
   float lead() const { return lead_; }
 
   // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
@@ -262,10 +262,13 @@ class PartOnField {
                may_sink = is_up && columns_.field().has_elastic_tops;
     const Vec3 facing = may_sink ? Vec3(Vec3::UnitZ()) : axis.normal;
     // Neighbouring level tops often yield the same normal.
-    if (facing_normal_ != facing)
+    if (facing_normal_ != facing) {
       facing_normal_ = facing, facing_feature_ = support_feature(part_, centre_, axes_, -facing);
+      facing_face_ = sat.find_face(facing_feature_.normal);
+    }
     const SupportFeature& part_feature = facing_feature_;
-    lead_ = std::min(lead_, axis.separation - sat.separation_of_other_features(part_feature.normal));
+    if (part_.hull && !columns_.field().has_contacts_per_cell())
+      lead_ = std::min(lead_, axis.separation - sat.separation_of_other_features(facing_face_));
     if (is_up) {
       add_top_patch(part_feature, p.column, found);
       // An underside bears on the area that it shares with elastic tops, also deeper than the rounded cores
@@ -548,6 +551,7 @@ class PartOnField {
   bool centre_is_free_;          // no cell reaches up to the part's centre
   Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
+  int facing_face_ = -1;  // see ColumnSat::find_face()
   float lead_ = std::numeric_limits<float>::infinity();
   Candidates& candidates_ = empty_candidates();
 };
