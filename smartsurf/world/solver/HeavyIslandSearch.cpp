@@ -457,8 +457,9 @@ void HeavyIslandSolver::merge_lanes() {
   merged_lanes_.clear();
   for (const MemberData& m : members_) {
     lanes_.clear();
-    std::ranges::merge(merged_lanes_, m.lanes, std::back_inserter(lanes_), {}, &BearingLane::rank,
-                       &BearingLane::rank);
+    std::merge(merged_lanes_.begin(), merged_lanes_.end(), m.lanes.begin(), m.lanes.end(),
+               std::back_inserter(lanes_),
+               [](const BearingLane& a, const BearingLane& b) { return a.rank < b.rank; });
     merged_lanes_.swap(lanes_);
   }
 }
