@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -454,12 +455,13 @@ void HeavyIslandSolver::number_islands(const Step& step) {
 
 // The lanes of all members, by rank. Those of a member are in that order, as its batches are.
 void HeavyIslandSolver::merge_lanes() {
+  const auto comes_first = [](const BearingLane& a, const BearingLane& b) { return a.rank < b.rank; };
   merged_lanes_.clear();
   for (const MemberData& m : members_) {
+    assert(std::is_sorted(m.lanes.begin(), m.lanes.end(), comes_first));
     lanes_.clear();
     std::merge(merged_lanes_.begin(), merged_lanes_.end(), m.lanes.begin(), m.lanes.end(),
-               std::back_inserter(lanes_),
-               [](const BearingLane& a, const BearingLane& b) { return a.rank < b.rank; });
+               std::back_inserter(lanes_), comes_first);
     merged_lanes_.swap(lanes_);
   }
 }
