@@ -104,6 +104,8 @@ struct BodyStore {
   int size() const { return static_cast<int>(id.size()); }
   bool is_static(std::size_t i) const { return mass[i] == 0.0F; }
   bool is_active(std::size_t i) const { return !is_static(i) && !asleep[i]; }
+  // True if its shape is a sphere or symmetric about an axis, wherever its mass is.
+  bool is_round(std::size_t i) const { return is_sphere[i] || is_axisymmetric[i] || rolls_unevenly[i]; }
   // False if a link excludes contacts between the two bodies.
   bool may_touch(std::size_t i, std::size_t j) const {
     return !is_jointed[i] || !is_jointed[j] || !is_excluded(i, j);

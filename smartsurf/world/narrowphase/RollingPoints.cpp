@@ -27,9 +27,9 @@ struct Curvature {
 // `from_origin`: to the contact point, in world axes.
 Curvature curvature_at(const BodyStore& bodies, std::size_t body, const Vec3& from_origin,
                        const Vec3& normal) {
-  if (bodies.is_sphere[body]) return {1.0F / bodies.bounding_radius[body]};
-  if (!bodies.is_axisymmetric[body]) return {};
+  if (!bodies.is_round(body)) return {};
   const Shape& shape = *bodies.shape[body];
+  if (bodies.is_sphere[body]) return {1.0F / shape.radius};
   const Vec3 axis = bodies.axes[body].col(2);
   const float along = from_origin.dot(axis), normal_along = normal.dot(axis);
   // A speculative contact of a body that spins fast may lie far from it.

@@ -48,9 +48,7 @@ struct Neighbour {
   std::int32_t manifold, other, next;  // `other`: the other body of the manifold
 };
 
-bool has_faces(const BodyStore& bodies, std::size_t i) {
-  return !bodies.is_sphere[i] && !bodies.is_axisymmetric[i];
-}
+bool has_faces(const BodyStore& bodies, std::size_t i) { return !bodies.is_round(i); }
 
 // The manifolds of each body with others that move, and, if any body is fixed, that with all that does not.
 class Neighbours {
