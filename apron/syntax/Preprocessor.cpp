@@ -206,6 +206,7 @@ MacroTable::Handle Preprocessor::find_macro(const std::string& name, std::size_t
 
 bool Preprocessor::enter_macro(const MacroTable::Handle& macro, std::uint32_t expansion,
                                std::vector<Tokens> results, std::vector<Tokens> arguments) {
+  if (is_aborted_) return false;  // expressions that are being parsed go on; the error is reported
   const Location call = sources_.expansion(expansion).call;
   const std::size_t depth =
       std::ranges::count_if(frames_, [](const InputFrame& f) { return f.macro != nullptr; });

@@ -320,6 +320,8 @@ TEST(Fuzz, DeepAndLongInputsTerminate) {
       EXPECT_EQ(program::verify(*result.program), "");
     }
     EXPECT_LT(errors(result).size(), 200000U) << text.substr(0, 40);
+    const std::string limit = "expands more than 100000 macros", found = errors(result);
+    EXPECT_EQ(found.find(limit), found.rfind(limit)) << "a limit is reported once";
   }
 }
 
