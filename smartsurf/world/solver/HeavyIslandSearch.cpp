@@ -571,18 +571,17 @@ void HeavyIslandSolver::collect_welds(const Step& step) {
   for_each_weld([&](const Weld& w, Island& island) { welds_[island.first_weld + island.weld_count++] = w; });
 }
 
-// Of about equal work.
+// Shares of about equal work.
 void HeavyIslandSolver::share_islands() {
   const auto work_of = [](const Island& island) { return island.point_count + 4 * island.body_count; };
-  std::int32_t work = 0, before = 0;
+  std::int64_t work = 0, before = 0;
   for (const Island& island : islands_) work += work_of(island);
+  const std::int64_t members = std::ssize(members_);
   share_begin_.assign(members_.size() + 1, static_cast<std::int32_t>(islands_.size()));
-  std::size_t member = 0;
+  std::int64_t member = 0;
   for (std::size_t i = 0; i < islands_.size(); ++i) {
-    const std::int32_t middle = 2 * before + work_of(islands_[i]);
-    for (; member < members_.size() && 2 * work * static_cast<std::int32_t>(member) <=
-                                           middle * static_cast<std::int32_t>(members_.size());
-         ++member)
+    const std::int64_t middle = 2 * before + work_of(islands_[i]);
+    for (; member < members && 2 * work * member <= middle * members; ++member)
       share_begin_[member] = static_cast<std::int32_t>(i);
     before += work_of(islands_[i]);
   }
