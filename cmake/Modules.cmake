@@ -31,11 +31,15 @@ endif()
 target_include_directories(project_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(project_options INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
 # The instruction sets that vector kernels are compiled for. A copy for SSSE3 alone does not pay: such a CPU runs the
-# SSE2 or SSE4 one. The preset ci leaves SSE4 out, whose vectors are as wide as those of SSE2. Sanitizer builds compile for
-# one set, AVX2 where this machine has it, because such a file then takes longer than the rest of its module.
+# SSE2 or SSE4 one. The preset ci leaves SSE4 out, whose vectors are as wide as those of SSE2, and what this machine cannot
+# run. Sanitizer builds compile for one set, AVX2 where this machine has it, because such a file then takes longer than the
+# rest of its module.
+set(cpu_features "")
+if(EXISTS /proc/cpuinfo)
+  file(STRINGS /proc/cpuinfo cpu_features REGEX "^flags" LIMIT_COUNT 1)
+endif()
 if(SMARTSURF_SANITIZE)
   target_compile_definitions(project_options INTERFACE "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3)")
-  file(READ /proc/cpuinfo cpu_features)
   if(cpu_features MATCHES " avx2 ")
     target_compile_definitions(project_options INTERFACE HWY_BASELINE_TARGETS=HWY_AVX2)
   else()
@@ -48,7 +52,14 @@ elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
 elseif(EMSCRIPTEN)
   target_compile_definitions(project_options INTERFACE HWY_COMPILE_ONLY_STATIC)
 else()
-  target_compile_definitions(project_options INTERFACE "HWY_DISABLED_TARGETS=${SMARTSURF_DISABLED_TARGETS}")
+  set(disabled_targets HWY_SSSE3)
+  if(SMARTSURF_FEWER_TARGETS)
+    string(APPEND disabled_targets "|HWY_SSE4")
+    if(NOT cpu_features MATCHES " avx512dq ")
+      string(APPEND disabled_targets "|HWY_AVX3")
+    endif()
+  endif()
+  target_compile_definitions(project_options INTERFACE "HWY_DISABLED_TARGETS=(${disabled_targets})")
 endif()
 if(SMARTSURF_SANITIZE)
   target_compile_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
@@ -108,7 +119,7 @@ function(add_module program module)
 endfunction()
 
 # run_sanitized_only(<program> <test>): scripts/test builds and runs it under AddressSanitizer alone, unless it is called
-# without sanitizers.
+# with --quick.
 function(run_sanitized_only program test)
   set_property(GLOBAL APPEND PROPERTY sanitized_tests ${program})
   set_property(GLOBAL APPEND PROPERTY only_sanitized_tests ${program})
@@ -125,27 +136,42 @@ function(compile_as_test target)
   target_compile_options(${target} PRIVATE ${SMARTSURF_TEST_OPTIONS})
   target_compile_definitions(${target} PRIVATE GTEST_HAS_PTHREAD=1)  # as those of the precompiled headers
   set_target_properties(${target} PROPERTIES IS_UNIT_TEST ON)
+  use_test_compiler(${target})
+endfunction()
+# use_test_compiler(<target>): SMARTSURF_TEST_COMPILER compiles its C++ files. CMake knows one compiler of a language: a
+# launcher puts the other in its place.
+if(SMARTSURF_TEST_COMPILER)
+  find_program(TEST_COMPILER ${SMARTSURF_TEST_COMPILER})
+  if(NOT TEST_COMPILER)
+    message(STATUS "${SMARTSURF_TEST_COMPILER} was not found: ${CMAKE_CXX_COMPILER} compiles the tests, in twice the time")
+  endif()
+endif()
+function(use_test_compiler target)
+  if(SMARTSURF_TEST_COMPILER AND TEST_COMPILER)
+    list(JOIN CMAKE_CXX_COMPILER_LAUNCHER " " launcher)
+    string(STRIP "${launcher} ${TEST_COMPILER}" compiler)
+    set_target_properties(${target} PROPERTIES CXX_COMPILER_LAUNCHER "${PROJECT_SOURCE_DIR}/cmake/compile-with;${compiler}")
+    target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-unknown-warning-option>)
+  endif()
 endfunction()
 # What the tests are compiled with that compute or wait on their own.
 if(SMARTSURF_SANITIZE)
   set(optimised_test_options ${SMARTSURF_OPTIMISED_OPTIONS})
 endif()
 
-# add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under LABEL [unit]: a unit test and
-# whatever runs under AddressSanitizer as a whole, because processes take longer to start than most cases take, and others
-# case by case.
+# add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under LABEL [unit]: a unit test as a
+# whole, because processes take longer to start than most cases take, and others case by case. Each case runs in one build of
+# scripts/test (without sanitizers, everything runs in one): unit tests under AddressSanitizer, with the label `sanitized`, and
+# all others, which compute more, optimised.
 # OPTIMISED: its own code compares millions of values, or is one side of a race; that of the others does little, and is
 # compiled in the least time.
-# SANITIZED: it leaves nothing out under AddressSanitizer and depends on no instruction set, and has the label `sanitized`:
-# scripts/test builds and runs it there alone, unless it is called without sanitizers.
-# UNSANITIZED: sanitizer builds leave it out, because its modules serve no other test and would take a tenth of the build.
+# LONG: a filter of a unit test's cases that take seconds. They run optimised, as <name>.long.
+# EACH_BUILD: a unit test that runs optimised too, because sanitizer builds compile for one instruction set.
+# UNSANITIZED: a unit test that runs optimised alone, because its modules serve no other and would take a tenth of the build.
 # THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
-# UNSANITIZED_SOURCES: its files that sanitizer builds leave out: they run long, or on the code that the others run, with other
-# results to compare.
-# LONG: a filter of the cases that simulate for seconds; AddressSanitizer leaves them out, since shorter ones run the same code.
 # SERIAL: a filter of the cases that run one thread and take seconds; ThreadSanitizer leaves them out.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED;SANITIZED;UNSANITIZED;THREADS" "LABEL;LONG;SERIAL;TIMEOUT" "SOURCES;UNSANITIZED_SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED;EACH_BUILD;UNSANITIZED;THREADS" "LABEL;LONG;SERIAL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
@@ -155,20 +181,20 @@ function(add_module_test name)
   if(T_UNSANITIZED AND SMARTSURF_SANITIZE)
     return()
   endif()
-  if(NOT SMARTSURF_SANITIZE)
-    list(APPEND T_SOURCES ${T_UNSANITIZED_SOURCES})
-  endif()
   add_executable(${name} ${T_SOURCES})
-  if(T_LABEL MATCHES "unit|property")
+  set(labels ${T_LABEL})
+  if(T_LABEL STREQUAL "unit" AND NOT T_UNSANITIZED)
     set_property(GLOBAL APPEND PROPERTY sanitized_tests ${name})
-  endif()
-  if(T_SANITIZED)
-    set_property(GLOBAL APPEND PROPERTY only_sanitized_tests ${name})
-    list(APPEND T_LABEL sanitized)
+    if(NOT T_EACH_BUILD)
+      list(APPEND labels sanitized)
+      if(NOT T_LONG)
+        set_property(GLOBAL APPEND PROPERTY only_sanitized_tests ${name})
+      endif()
+    endif()
   endif()
   if(T_THREADS)
     set_property(GLOBAL APPEND PROPERTY threaded_tests ${name})
-    list(APPEND T_LABEL threads)
+    list(APPEND labels threads)
   endif()
   # The linker keeps the first copy of an inline function that it meets: the optimised modules' own, not that of a test.
   foreach(library IN LISTS T_LIBS)
@@ -189,17 +215,20 @@ function(add_module_test name)
     target_compile_options(${name} PRIVATE ${optimised_test_options})
   endif()
   join_sources(${name})
-  if(SMARTSURF_SANITIZE MATCHES "address")
-    set(filter "--gtest_filter=-${T_LONG}")
-  elseif(SMARTSURF_SANITIZE MATCHES "thread")
-    set(filter "--gtest_filter=-${T_SERIAL}")
-  endif()
-  if(T_LABEL MATCHES "unit" OR SMARTSURF_SANITIZE MATCHES "address")
-    add_test(NAME ${name} COMMAND ${name} ${filter})
-    list(LENGTH T_SOURCES files)
-    set_tests_properties(${name} PROPERTIES LABELS "${T_LABEL}" TIMEOUT 900 COST ${files})
-  else()
+  if(NOT T_LABEL STREQUAL "unit")
     gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
       PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})
+    return()
+  endif()
+  set(left_out ${T_LONG})
+  if(SMARTSURF_SANITIZE MATCHES "thread")
+    set(left_out ${T_SERIAL})
+  endif()
+  add_test(NAME ${name} COMMAND ${name} --gtest_filter=-${left_out})
+  list(LENGTH T_SOURCES files)
+  set_tests_properties(${name} PROPERTIES LABELS "${labels}" TIMEOUT 900 COST ${files})
+  if(T_LONG AND NOT SMARTSURF_SANITIZE)
+    add_test(NAME ${name}.long COMMAND ${name} --gtest_filter=${T_LONG})
+    set_tests_properties(${name}.long PROPERTIES LABELS "unit;long" TIMEOUT 900 COST 40)
   endif()
 endfunction()

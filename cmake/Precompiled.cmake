@@ -48,7 +48,10 @@ if(SMARTSURF_PCH)
       OPTIONS ${SMARTSURF_TEST_OPTIONS})
     add_precompiled(precompiled_smartsurf_test PROGRAM HEADERS ${precompiled_standard} <Eigen/Geometry> <gtest/gtest.h>
       LIBS Eigen3::Eigen GTest::gtest OPTIONS ${SMARTSURF_TEST_OPTIONS})
-    set_target_properties(precompiled_apron_test precompiled_smartsurf_test PROPERTIES IS_UNIT_TEST ON)
+    foreach(name precompiled_apron_test precompiled_smartsurf_test)
+      set_target_properties(${name} PROPERTIES IS_UNIT_TEST ON)
+      use_test_compiler(${name})
+    endforeach()
     add_precompiled(precompiled_optimised_test PROGRAM HEADERS ${precompiled_standard} <gtest/gtest.h> LIBS GTest::gtest
       OPTIONS ${optimised_test_options})
   endif()

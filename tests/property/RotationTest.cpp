@@ -183,7 +183,8 @@ TEST_P(Rotation, FastFreeBodyKeepsItsEnergyAndMomentum) {
     const double dt_s = fixture.scene.world.dt_s;
     const Vector3d size(draw(0.5, 3), draw(0.5, 3), draw(0.5, 3));
     auto object = box(size, {15, 15, 500});
-    object.angular_velocity = draw(0.1, 30) / dt_s * random_direction(draw);
+    const Vector3d axis = random_direction(draw);
+    object.angular_velocity = draw(0.1, 30) / dt_s * axis;
     const auto id = fixture.add(object);
     const Vector3d moments = box_moments(size);
     const auto energy_and_momentum = [&] {
@@ -207,11 +208,17 @@ TEST_P(Rotation, SpinningBodyIsNotPushedByWhatItDoesNotReach) {
   for_random_fixtures(9, 24, GetParam(), [](PhysicsFixture& fixture, auto draw) {
     fixture.scene.world.gravity = Vector3d::Zero();
     const bool is_box = draw(0, 1) < 0.5;
-    auto object = is_box ? box({draw(0.5, 4), draw(0.5, 4), draw(0.5, 4)}, {15, 15, 0})
-                         : cylinder(draw(0.3, 2), draw(0.5, 4), {15, 15, 0});
+    smartsurf::scene::ObjectSpec object;
+    if (is_box) {
+      object = box({draw(0.5, 4), draw(0.5, 4), draw(0.5, 4)}, {15, 15, 0});
+    } else {
+      const double height = draw(0.5, 4), radius = draw(0.3, 2);
+      object = cylinder(radius, height, {15, 15, 0});
+    }
     const double reach = is_box ? 0.5 * object.size.norm() : std::hypot(object.radius, 0.5 * object.height);
     object.position.z() = reach + draw(0.05, 1.0);
-    object.angular_velocity = draw(0.05, 6) / fixture.scene.world.dt_s * random_direction(draw);
+    const Vector3d axis = random_direction(draw);
+    object.angular_velocity = draw(0.05, 6) / fixture.scene.world.dt_s * axis;
     const auto id = fixture.add(object);
     fixture.run(0.5);
     EXPECT_EQ(fixture.velocity(id), Eigen::Vector3f(0, 0, 0));

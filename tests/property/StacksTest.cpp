@@ -203,8 +203,9 @@ TEST(Stacks, LightBodiesOfAnyShapeBearAHeavyOne) {
     std::vector<std::pair<smartsurf::scene::ObjectId, Eigen::Vector3d>> bodies;
     for (int i = 0; i < count; ++i) {
       const double height = uniform(0.4, 1.2), mass = i == count - 1 ? 1000.0 : 1.0;
-      const Eigen::Vector3d at(uniform(-0.1, 0.1), uniform(-0.1, 0.1), top + 0.5 * height);
-      const Eigen::Vector3d size(uniform(1.5, 2.5), uniform(1.5, 2.5), height);
+      const double y = uniform(-0.1, 0.1), x = uniform(-0.1, 0.1);
+      const double depth = uniform(1.5, 2.5), width = uniform(1.5, 2.5);
+      const Eigen::Vector3d at(x, y, top + 0.5 * height), size(width, depth, height);
       const bool is_box = uniform(0, 1) < 0.6;
       bodies.emplace_back(
           is_box ? stack.add(size, at, mass) : stack.add_disc(0.5 * size.x(), height, at, mass), at);
