@@ -160,13 +160,14 @@ if(SMARTSURF_SANITIZE)
 endif()
 
 # add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under LABEL [unit]: a unit test as a
-# whole, because processes take longer to start than most cases take, and others case by case. Each case runs in one build of
-# scripts/test (without sanitizers, everything runs in one): unit tests under AddressSanitizer, with the label `sanitized`, and
-# all others, which compute more, optimised.
+# whole, because processes take longer to start than most cases take, and others case by case. scripts/test runs unit tests
+# under AddressSanitizer alone, with the label `sanitized`, and all others, which compute more, optimised alone. With --quick,
+# and in a build without sanitizers, both run.
 # OPTIMISED: its own code compares millions of values, or is one side of a race; that of the others does little, and is
 # compiled in the least time.
 # LONG: a filter of a unit test's cases that take seconds. They run optimised, as <name>.long.
-# EACH_BUILD: a unit test that runs optimised too, because sanitizer builds compile for one instruction set.
+# EACH_BUILD: a unit test that runs optimised too: sanitizer builds leave cases of it out (SanitizedCases.h,
+# AllocationCounter.h), or compile its kernels for one instruction set.
 # UNSANITIZED: a unit test that runs optimised alone, because its modules serve no other and would take a tenth of the build.
 # THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
 # SERIAL: a filter of the cases that run one thread and take seconds; ThreadSanitizer leaves them out.
