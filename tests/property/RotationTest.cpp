@@ -205,7 +205,7 @@ TEST_P(Rotation, FastFreeBodyKeepsItsEnergyAndMomentum) {
 
 // A body that turns above the cells, where no point of it comes near them.
 TEST_P(Rotation, SpinningBodyIsNotPushedByWhatItDoesNotReach) {
-  for_random_fixtures(9, 24, GetParam(), [](PhysicsFixture& fixture, auto draw) {
+  for_random_fixtures(90, 200, GetParam(), [](PhysicsFixture& fixture, auto draw) {
     fixture.scene.world.gravity = Vector3d::Zero();
     const bool is_box = draw(0, 1) < 0.5;
     smartsurf::scene::ObjectSpec object;

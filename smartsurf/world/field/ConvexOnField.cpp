@@ -278,7 +278,8 @@ class PartOnField {
         if (found.count() > 0 || (axis.separation < 0.0F && !part_.hull)) return add(p, found, out);
       }
     } else {
-      add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
+      add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_,
+                        PatchPoints::kOnB, found);
     }
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
     // For curved parts the separation along the SAT axis is only a lower bound. An edge of a polyhedral part
@@ -380,10 +381,12 @@ class PartOnField {
     }
     ManifoldReducer found;
     const SupportFeature part_feature = support_feature(part_, centre_, axes_, -axis.normal);
-    add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
+    add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_,
+                      PatchPoints::kOnB, found);
     // A lateral surface along an upper edge touches at both ends of their overlap.
     if (found.count() == 0 && part_feature.count == 2)
-      add_contact_patch(part_feature, top_edge(p.column, axis.normal), axis.normal, margin_, 0, found);
+      add_contact_patch(part_feature, top_edge(p.column, axis.normal), axis.normal, margin_,
+                        PatchPoints::kOnB, found);
     // Samples of a rim may miss where it is deepest.
     if (found.min_separation() > axis.separation + kTolerance)
       found.add({closest.on_b + kColumnConvexRadius * axis.normal, axis.normal, axis.separation, 0});

@@ -61,7 +61,7 @@ void add_hull_face(FeatureBuilder& b, const ConvexHullShape& hull, const Vec3& d
 
 // Adds the ends of the overlap of two parallel edges.
 void add_parallel_edges(const SupportFeature& a, const SupportFeature& b, const Vec3& normal, float margin,
-                        int tag, ManifoldReducer& out) {
+                        PatchPoints points, ManifoldReducer& out) {
   const Vec3 along_a = a.point[1] - a.point[0], along_b = b.point[1] - b.point[0];
   const float length = along_a.norm(), length_b = along_b.norm();
   if (length < 1e-6F || length_b < 1e-6F || along_a.cross(along_b).norm() > 0.05F * length * length_b) return;
@@ -73,7 +73,8 @@ void add_parallel_edges(const SupportFeature& a, const SupportFeature& b, const 
     const Vec3 on_a = a.point[0] + s * u;
     const Vec3 on_b = b.point[0] + along_b * ((s - s0) / (s1 - s0));
     const float separation = normal.dot(on_a - on_b);
-    if (separation <= margin) out.add({0.5F * (on_a + on_b), normal, separation, tag});
+    const Vec3 point = points == PatchPoints::kOnB ? on_b : Vec3(0.5F * (on_a + on_b));
+    if (separation <= margin) out.add({point, normal, separation, 0});
   }
 }
 
@@ -221,11 +222,11 @@ SupportFeature clip_to_rectangle(const SupportFeature& feature, float west, floa
 }
 
 void add_contact_patch(const SupportFeature& on_a, const SupportFeature& on_b, const Vec3& normal,
-                       float margin, int tag, ManifoldReducer& out) {
+                       float margin, PatchPoints points, ManifoldReducer& out) {
   const float alignment_a = on_a.is_face() ? -on_a.normal.dot(normal) : 0.0F;
   const float alignment_b = on_b.is_face() ? on_b.normal.dot(normal) : 0.0F;
   if (std::max(alignment_a, alignment_b) <= kFaceAlignment) {
-    if (on_a.count == 2 && on_b.count == 2) add_parallel_edges(on_a, on_b, normal, margin, tag, out);
+    if (on_a.count == 2 && on_b.count == 2) add_parallel_edges(on_a, on_b, normal, margin, points, out);
     return;
   }
   // Ties go to b, so that the choice does not alternate from step to step.
@@ -236,7 +237,9 @@ void add_contact_patch(const SupportFeature& on_a, const SupportFeature& on_b, c
   for (int i = 0; i < patch.count; ++i) {
     const Vec3& p = patch.point[i];
     const float separation = face.normal.dot(p - face.point[0]);
-    if (separation <= margin) out.add({p, contact_normal, separation, tag});
+    if (separation > margin) continue;
+    const bool move_to_b = points == PatchPoints::kOnB && !from_a;
+    out.add({move_to_b ? Vec3(p - separation * contact_normal) : p, contact_normal, separation, 0});
   }
 }
 
