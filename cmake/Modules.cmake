@@ -141,6 +141,7 @@ endfunction()
 # use_test_compiler(<target>): SMARTSURF_TEST_COMPILER compiles its C++ files. CMake knows one compiler of a language: a
 # launcher puts the other in its place.
 if(SMARTSURF_TEST_COMPILER)
+  unset(TEST_COMPILER CACHE)  # of another SMARTSURF_TEST_COMPILER
   find_program(TEST_COMPILER ${SMARTSURF_TEST_COMPILER})
   if(NOT TEST_COMPILER)
     message(STATUS "${SMARTSURF_TEST_COMPILER} was not found: ${CMAKE_CXX_COMPILER} compiles the tests, in twice the time")

@@ -18,7 +18,6 @@
 #include "apron/compiler/Compiler.h"
 #include "apron/syntax/Formatter.h"
 #include "tests/unit/apron/vm/TestProgram.h"
-#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::vm::test {
 namespace {
@@ -414,7 +413,7 @@ class RandomFunctions {
   int functions_ = 0;
 };
 
-constexpr unsigned kFunctionPrograms = cases(150U, 6U);
+constexpr unsigned kFunctionPrograms = 150U;
 
 compiler::CompileResult compile_text(const std::string& text, bool with_bodies) {
   syntax::MemoryReader reader;

@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "tests/unit/common/ProgramSeeds.h"
-#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::program {
 namespace {
@@ -112,7 +111,7 @@ TEST_P(Mathematics, DiffersByLessThanItsBound) {
   };
   std::uniform_real_distribution<float> usual(static_cast<float>(function.low),
                                               static_cast<float>(function.high));
-  for (int i = 0; i < cases(400'000, 10'000); ++i) {
+  for (int i = 0; i < 400'000; ++i) {
     check(usual(rng), usual(rng));
     if (HasFatalFailure()) return;
     check(std::bit_cast<float>(static_cast<std::uint32_t>(rng())),
@@ -122,7 +121,7 @@ TEST_P(Mathematics, DiffersByLessThanItsBound) {
   for (const float a : kSpecial)
     for (const float b : kSpecial) check(a, b);
   // Near whole powers and multiples of pi / 2, where differences cancel.
-  for (int i = 0; i < cases(100'000, 2'500); ++i) {
+  for (int i = 0; i < 100'000; ++i) {
     const float near_one = 1.0F + static_cast<float>(static_cast<int>(rng() % 4001) - 2000) * 0x1p-23F;
     check(near_one, std::ldexp(usual(rng), static_cast<int>(rng() % 24)));
     const auto angle = static_cast<float>(1.5707963267948966 * static_cast<double>(rng() % 3'000'000));

@@ -12,7 +12,6 @@
 
 #include "apron/compiler/Compiler.h"
 #include "tests/unit/apron/vm/TestProgram.h"
-#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::vm::test {
 namespace {

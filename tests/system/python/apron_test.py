@@ -391,8 +391,8 @@ class Functions(unittest.TestCase):
         f = apron.compile("n = 0\nwhile(n >= 0)\n  n = n + 1\n  if(n > 1000)\n    n = 1\n  endif\nendwhile\n")
         g = apron.compile("!register(A)\nwhile(globalmax(A) < 2)\n  A = A * 1\nendwhile\n", threads=2)
         for call in (f, lambda: g(A=np.zeros((5, 1, 1)))):
-            threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
             with self.assertRaises(KeyboardInterrupt):
+                threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
                 call()
         self.assertEqual(apron.compile("n = 1\n")(), {"n": 1.0})
 
@@ -421,17 +421,6 @@ class Functions(unittest.TestCase):
         stop.set()
         counter.join()
         self.assertGreater(len(ticks), 3)
-
-    def test_overhead(self):
-        f, a = apron.compile("!register(A, Y)\nY = A + 1\n"), np.ones((4, 4), np.float32)
-        best = {f: math.inf, dict: math.inf}
-        for _ in range(30):
-            for call in best:
-                start = time.process_time()
-                for _ in range(2000):
-                    call(A=a)
-                best[call] = min(best[call], time.process_time() - start)
-        self.assertLess(best[f] / best[dict], 16)  # about 6: 1 µs, and what a call from Python takes at least
 
     def test_instruction_sets_agree(self):
         a, b = self.cells(50, 70), self.cells(50, 70)

@@ -428,8 +428,8 @@ while s.wait():
     def test_ctrl_c_ends_a_wait(self):
         surface, controller = pair("interrupt")
         with surface, controller:
-            threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
             with self.assertRaises(KeyboardInterrupt):
+                threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
                 controller.wait(60)
 
 
