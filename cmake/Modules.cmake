@@ -167,13 +167,16 @@ endif()
 # OPTIMISED: its own code compares millions of values, or is one side of a race; that of the others does little, and is
 # compiled in the least time.
 # LONG: a filter of a unit test's cases that take seconds. They run optimised, as <name>.long.
-# EACH_BUILD: a unit test that runs optimised too: sanitizer builds leave cases of it out (SanitizedCases.h,
-# AllocationCounter.h), or compile its kernels for one instruction set.
+# NIGHTLY: a filter of cases, of those that run one by one, that take ten seconds or more: finer steps and further draws of
+# what other cases try. They have the label `nightly`: scripts/test --all runs them.
+# EACH_BUILD: a filter of a unit test's cases that run optimised too, as <name>.optimised, because sanitizer builds try fewer
+# inputs (SanitizedCases.h), count no allocations (AllocationCounter.h) or compile kernels for one instruction set. `*`: all,
+# as <name>.
 # UNSANITIZED: a unit test that runs optimised alone, because its modules serve no other and would take a tenth of the build.
 # THREADS: it runs threads inside one process, and has the label `threads`: what ThreadSanitizer runs.
 # SERIAL: a filter of the cases that run one thread and take seconds; ThreadSanitizer leaves them out.
 function(add_module_test name)
-  cmake_parse_arguments(T "OPTIMISED;EACH_BUILD;UNSANITIZED;THREADS" "LABEL;LONG;SERIAL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(T "OPTIMISED;UNSANITIZED;THREADS" "LABEL;EACH_BUILD;LONG;NIGHTLY;SERIAL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
   endif()
@@ -187,9 +190,9 @@ function(add_module_test name)
   set(labels ${T_LABEL})
   if(T_LABEL STREQUAL "unit" AND NOT T_UNSANITIZED)
     set_property(GLOBAL APPEND PROPERTY sanitized_tests ${name})
-    if(NOT T_EACH_BUILD)
+    if(NOT T_EACH_BUILD STREQUAL "*")
       list(APPEND labels sanitized)
-      if(NOT T_LONG)
+      if(NOT T_LONG AND NOT T_EACH_BUILD)
         set_property(GLOBAL APPEND PROPERTY only_sanitized_tests ${name})
       endif()
     endif()
@@ -218,8 +221,12 @@ function(add_module_test name)
   endif()
   join_sources(${name})
   if(NOT T_LABEL STREQUAL "unit")
-    gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
+    gtest_discover_tests(${name} TEST_PREFIX "${name}." TEST_FILTER "-${T_NIGHTLY}" DISCOVERY_TIMEOUT 60
       PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})
+    if(T_NIGHTLY)
+      gtest_discover_tests(${name} TEST_PREFIX "${name}." TEST_FILTER "${T_NIGHTLY}" DISCOVERY_TIMEOUT 60
+        PROPERTIES LABELS "${T_LABEL};nightly" TIMEOUT 3600)
+    endif()
     return()
   endif()
   set(left_out ${T_LONG})
@@ -232,5 +239,9 @@ function(add_module_test name)
   if(T_LONG AND NOT SMARTSURF_SANITIZE)
     add_test(NAME ${name}.long COMMAND ${name} --gtest_filter=${T_LONG})
     set_tests_properties(${name}.long PROPERTIES LABELS "unit;long" TIMEOUT 900 COST 40)
+  endif()
+  if(T_EACH_BUILD AND NOT T_EACH_BUILD STREQUAL "*" AND NOT SMARTSURF_SANITIZE)
+    add_test(NAME ${name}.optimised COMMAND ${name} --gtest_filter=${T_EACH_BUILD})
+    set_tests_properties(${name}.optimised PROPERTIES LABELS unit TIMEOUT 900)
   endif()
 endfunction()

@@ -247,7 +247,7 @@ TEST_P(Chains, LoseEnergyAndStayApart) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Steps, Chains,
-                         testing::Values(Bound{60, 10, 12, 2.5, 0.005}, Bound{60, 4, 16, 2.5, 0.005},
+                         testing::Values(Bound{60, 10, 6, 2.5, 0.005}, Bound{60, 4, 8, 2.5, 0.005},
                                          Bound{60, 80, 3, 1.0, 0.005}, Bound{120, 10, 3, 1.0, 0.005},
                                          Bound{240, 10, 3, 1.0, 0.005}, Bound{960, 10, 2, 0.3, 0.005}),
                          [](const auto& bound) {

@@ -216,7 +216,7 @@ TEST(SleepingPile, SavedHeapsHaveTheSameLoads) {
 }
 
 // Piles fall asleep, are hit, wake and fall asleep again, in one engine and in another that takes over its
-// state every now and then, with one to four threads.
+// state every now and then, with one thread and three.
 TEST(SleepingPile, SavedStatesAndThreadsGiveTheSameBits) {
   const auto hash_after = [](int threads, bool takes_over) {
     Towers towers(7, 2, 0, 84);
@@ -237,5 +237,5 @@ TEST(SleepingPile, SavedStatesAndThreadsGiveTheSameBits) {
     return sum;
   };
   const std::uint64_t hash = hash_after(1, false);
-  for (const int threads : {1, 2, 4}) EXPECT_EQ(hash_after(threads, true), hash) << threads;
+  for (const int threads : {1, 3}) EXPECT_EQ(hash_after(threads, true), hash) << threads;
 }

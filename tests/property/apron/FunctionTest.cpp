@@ -413,7 +413,7 @@ class RandomFunctions {
   int functions_ = 0;
 };
 
-constexpr unsigned kFunctionPrograms = 150U;
+constexpr unsigned kFunctionPrograms = 90U;
 
 compiler::CompileResult compile_text(const std::string& text, bool with_bodies) {
   syntax::MemoryReader reader;

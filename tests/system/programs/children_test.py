@@ -137,6 +137,7 @@ class Children(ChildrenTest):
         return lambda processes: all(any(p.command.startswith(command) for p in processes) for command in commands)
 
     @needs_view
+    @nightly
     def test_replay_to_a_video(self):
         self.ffmpeg(self.STALLS_HALFWAY)
         recording = self.wave()
@@ -147,7 +148,7 @@ class Children(ChildrenTest):
     @needs_view
     def test_run_to_a_video(self):
         self.ffmpeg(self.STALLS_HALFWAY)
-        for free in ((), ("--unsafe",)):
+        for free in ((), ("--unsafe",)) if NIGHTLY else ((),):
             with self.subTest(free=free):
                 self.kill_each(lambda: self.start(SMARTSURF, "run", SORT_LUA, "--until", "1000", "--controller", SORT_APS, "--shm",
                                                   self.shm, "--video", "v.mp4", *SMALL_PICTURE, *free),
