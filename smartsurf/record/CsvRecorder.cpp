@@ -111,7 +111,7 @@ void CsvRecorder::flush_lines() {
     written += n;
   }
   lines_.clear();
-  pending_->note_length();
+  pending_->note_length(::lseek(fd_, 0, SEEK_CUR));
   last_flush_ = std::chrono::steady_clock::now();
   if (has_frames_) commit([](PendingFile& pending) { pending.commit(); });
 }

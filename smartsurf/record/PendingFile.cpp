@@ -41,12 +41,12 @@ void PendingFile::own() {
   unfinished_.emplace(path_);
 }
 
-void PendingFile::note_length() {
+void PendingFile::note_length(off_t length) {
+  length_ = length;
   struct stat status {};
-  if (!owned_ || ::stat((committed_ ? final_ : path_).c_str(), &status) != 0) return;
+  if (!owned_ || inode_ != 0 || ::stat((committed_ ? final_ : path_).c_str(), &status) != 0) return;
   device_ = status.st_dev;
   inode_ = status.st_ino;
-  length_ = status.st_size;
 }
 
 void PendingFile::require_unchanged() const {

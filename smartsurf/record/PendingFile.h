@@ -28,8 +28,8 @@ class PendingFile {
   void own();
   // True if path() must be created (O_EXCL), false if it is opened as it is: a pipe, or prepared before.
   bool must_be_new() const { return must_be_new_; }
-  // Call after each write, when the file has the length that it must keep until the next.
-  void note_length();
+  // Call after each write, with the length in bytes that the file must keep until the next.
+  void note_length(off_t length);
   // Call before each write and at the end. Throws std::runtime_error if the file was removed, replaced or cut
   // since: what is written to it is lost.
   void require_unchanged() const;
@@ -42,7 +42,8 @@ class PendingFile {
   Owner owner_;
   std::filesystem::path final_, path_;
   bool owned_ = false, committed_ = false, must_be_new_ = false;
-  // The file's, from the first note_length().
+  // The file's. Which file it is, the first note_length() finds out, before others know its name: later, the
+  // name may be another file's.
   dev_t device_ = 0;
   ino_t inode_ = 0;
   off_t length_ = 0;

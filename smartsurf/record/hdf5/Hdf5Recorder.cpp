@@ -423,7 +423,7 @@ void Hdf5Recorder::OpenFile::flush() {
   hsize_t length = 0;
   check(H5Fget_filesize(file, &length), "length");
   preallocator.truncate(length);
-  pending.note_length();
+  pending.note_length(static_cast<off_t>(length));
 }
 
 // Sensors lie behind the rest, so that the file shrinks where they leave it at once.

@@ -19,6 +19,7 @@
 #include <random>
 #include <set>
 
+#include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/scene/KindRegistry.h"
 #include "tests/unit/common/SanitizedCases.h"
@@ -580,6 +581,28 @@ TEST(PendingFile, RunWithoutFramesIsRecordedUnderNewName) {
   const SyntheticRun run;
   open_recorder(out / "run.h5", run.meta, run.spec)->close({"stopped by the user"});
   EXPECT_EQ(Recording::open(out / "run.h5").result()->outcome, "stopped by the user");
+}
+
+// Also between a write and the note of its length.
+TEST(PendingFile, LossIsSeenWheneverItHappens) {
+  for (const bool replaces : {false, true}) {
+    const OutputFolder out;
+    PendingFile pending(out / "run.csv");
+    pending.own();
+    std::ofstream(pending.path()) << "frame 1\n";
+    pending.note_length(8);
+    pending.commit();
+    pending.require_unchanged();
+    std::ofstream(out / "run.csv") << "frame 1\nframe 2\n";
+    if (replaces) {
+      std::ofstream(out / "other") << "longer than what the run has written\n";
+      std::filesystem::rename(out / "other", out / "run.csv");
+    } else {
+      std::filesystem::resize_file(out / "run.csv", 10);
+    }
+    pending.note_length(16);
+    EXPECT_THROW(pending.require_unchanged(), std::runtime_error) << replaces;
+  }
 }
 
 // In a folder that others may write to, somebody may have guessed the name.
