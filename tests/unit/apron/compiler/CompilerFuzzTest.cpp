@@ -10,7 +10,6 @@
 
 #include "apron/program/LocalityCheck.h"
 #include "tests/unit/apron/compiler/CompileText.h"
-#include "tests/unit/common/SanitizedCases.h"
 
 namespace apron::compiler {
 namespace {
@@ -275,7 +274,7 @@ TEST(Fuzz, DamagedProgramsFailOrVerify) {
 TEST(Fuzz, DeepAndLongInputsTerminate) {
   const auto repeated = [](std::string_view part, int times) {
     std::string text;
-    for (int i = 0; i < times / cases(1, 5); ++i) text += part;
+    for (int i = 0; i < times; ++i) text += part;
     return text;
   };
   const std::string chain = [] {
