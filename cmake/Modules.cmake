@@ -167,8 +167,8 @@ endif()
 # OPTIMISED: its own code compares millions of values, or is one side of a race; that of the others does little, and is
 # compiled in the least time.
 # LONG: a filter of a unit test's cases that take seconds. They run optimised, as <name>.long.
-# NIGHTLY: a filter of cases, of those that run one by one, that take ten seconds or more: finer steps and further draws of
-# what other cases try. They have the label `nightly`: scripts/test --all runs them.
+# NIGHTLY: a filter of cases, of those that run one by one, that take ten seconds or more: finer steps of what other cases
+# try. They have the label `nightly`: scripts/test --all runs them.
 # EACH_BUILD: a filter of a unit test's cases that run optimised too, as <name>.optimised, because sanitizer builds try fewer
 # inputs (SanitizedCases.h), count no allocations (AllocationCounter.h) or compile kernels for one instruction set. `*`: all,
 # as <name>.

@@ -272,7 +272,7 @@ bool heap_sleeps(unsigned seed, int iterations) {
 }  // namespace
 
 // After 12 s the last box of a heap may still slide or tip: of 120 heaps, in four.
-TEST(Stacks, HeapsOfBoxesSleepAtAnyIterations) {
+TEST(Stacks, FewHeapsOfBoxesStayAwake) {
   int awake = 0;
   for (const int iterations : {10, 20, 40})
     for (unsigned seed = 1; seed <= 8; ++seed) awake += heap_sleeps(seed, iterations) ? 0 : 1;

@@ -143,11 +143,11 @@ float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const Searc
   if (!find_contact(a, b, limits, cached, t)) return t.separation;
   if (may_share_face(a, b, t.normal))
     add_contact_patch(proxy_feature(a, -t.normal), proxy_feature(b, t.normal), t.normal, limits.margin,
-                      PatchPoints::kOnClipped, out);
+                      PatchPoints::kOnIncident, out);
   // A curved side lies along an edge as it does on a face.
   if (out.count() == 0 && has_curved_side(a) != has_curved_side(b))
     add_contact_patch(edge_or_feature(a, -t.normal), edge_or_feature(b, t.normal), t.normal, limits.margin,
-                      PatchPoints::kOnClipped, out);
+                      PatchPoints::kOnIncident, out);
   if (out.count() == 0) out.add({t.point, t.normal, t.separation, 0});
   return limits.margin;
 }

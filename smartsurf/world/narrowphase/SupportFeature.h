@@ -38,9 +38,9 @@ SupportFeature clip_to_face(const SupportFeature& feature, const SupportFeature&
 SupportFeature clip_to_rectangle(const SupportFeature& feature, float west, float east, float south,
                                  float north);
 
-// Where the points of a patch lie: on b; or on the feature that is clipped against the other's face, those of
-// parallel edges midway.
-enum class PatchPoints { kOnB, kOnClipped };
+// Where the points of a patch lie: on b; or on the incident feature, which is clipped against the reference
+// face, and those of parallel edges midway.
+enum class PatchPoints { kOnB, kOnIncident };
 
 // Adds the points with separations up to `margin` along the normal (unit, from b to a): the polygon that two
 // faces share, or the ends of an edge over a face or along another edge. Adds none for a corner or crossing

@@ -137,7 +137,6 @@ class Children(ChildrenTest):
         return lambda processes: all(any(p.command.startswith(command) for p in processes) for command in commands)
 
     @needs_view
-    @nightly
     def test_replay_to_a_video(self):
         self.ffmpeg(self.STALLS_HALFWAY)
         recording = self.wave()

@@ -36,7 +36,6 @@ class Figures(ProgramTest):
             self.assertEqual(made[name].read_bytes(), (self.folder / "b" / name).read_bytes(), name)
 
     @unittest.skipUnless(shutil.which("ffmpeg"), "no ffmpeg")
-    @nightly
     def test_pictures_of_the_pages_are_made(self):
         self.assertEqual(self.make("a", "--images", "--only", "tasks,field,animation"), (0, ""))
         self.assertEqual(size_of(self.folder / "a/tasks.png"), (2 * 166, 2 * 106))

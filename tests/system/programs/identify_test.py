@@ -217,7 +217,6 @@ class Identification(ProgramTest):
         self.assertEqual(blind.identify_one(6, blind.draw(6), types.SimpleNamespace(simulated=False, seconds=1), self.folder), "compared")
         self.assertEqual(len(recorded), 4)  # cells three times, then the ball
 
-    @nightly
     def test_no_cell_stops_in_a_minimum_beside_its_own(self):
         # One cell of this draw has such a minimum, a tick later and with another gain.
         blind = load_blind()
@@ -234,7 +233,6 @@ class Identification(ProgramTest):
             self.assertEqual(cells["delay"][r][c], secret["delay"][r][c], (r, c))
             self.assertLess(abs(cells["gain"][r][c] - secret["gain"][r][c]), 5 * cells["gain_error"][r][c], (r, c))
 
-    @nightly
     def test_a_secret_ball_is_found(self):
         draw = random.Random(8)
         secret = {"rolling_friction": draw.uniform(0.03, 0.12), "restitution": draw.uniform(0.25, 0.55)}
@@ -252,7 +250,6 @@ class Identification(ProgramTest):
             self.assertLess(abs(value - truth), 0.03 * truth, name)
             self.assertLess(error, 0.03 * truth, name)
 
-    @nightly
     def test_nothing_follows_from_a_rerun_that_strays(self):
         table = (ROOT / "scripts/hardware/identify.lua").read_text()
         self.write("table.lua", table)
@@ -311,7 +308,6 @@ class Identification(ProgramTest):
             self.assertLess(abs(estimate - value), 4 * error, name)
             self.assertLess(error, 0.01 * value, name)
 
-    @nightly
     def test_noise_below_the_resolution_has_an_interval(self):
         import numpy as np
         sys.path.insert(0, str(BIN.parent / "python"))
@@ -492,7 +488,6 @@ class Identification(ProgramTest):
         for name, truth in (("gain", 1), ("offset", 0)):
             self.assertGreater(self.share_held(found, name, truth), 0.85, name)
 
-    @nightly
     def test_errors_grow_by_a_drift(self):
         for drift in (0.005, 0.03):
             found, _ = self.of_own_table("drift", "--set", "seconds=4", "--set", "seed=2", "--vary", "sensor.pin_height.noise=0.01",

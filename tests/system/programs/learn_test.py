@@ -37,7 +37,6 @@ LEAST = {"ball": 8, "box": 7, "sort": 9, "sort-ppo": 5, "arraybot_relocate": 8, 
 
 @unittest.skipUnless(TASKS, "NumPy is not installed")
 class Learn(ProgramTest):
-    @nightly
     def test_learned_programs_succeed_and_networks_are_local(self):
         for name, least in LEAST.items():
             task, program = TASKS[name.split("-")[0]], LEARN / f"policies/{name}.aps"

@@ -22,9 +22,8 @@ SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
 SORT_LUA, SORT_APS = str(ROOT / "scripts/case-study/sort.lua"), str(ROOT / "scripts/case-study/sort.aps")
 WITH_VIEW = os.environ.get("SMARTSURF_VIEW", "ON") == "ON"
 needs_view = unittest.skipUnless(WITH_VIEW, "built without the view")
-# Takes ten seconds of a processor or more, and tries further draws or steps of what other tests try: scripts/test --all.
+# Tests may take longer and repeat themselves in further modes: scripts/test --all.
 NIGHTLY = bool(os.environ.get("SMARTSURF_NIGHTLY"))
-nightly = unittest.skipUnless(NIGHTLY, "nightly")
 # The processor draws: a picture of the usual size takes seconds.
 SMALL_PICTURE = ("--picture-size", "320x200")
 # Timeout in seconds, far longer than any of these runs: expiry means that a program hangs.
@@ -143,5 +142,5 @@ class ProgramTest(unittest.TestCase):
 
 
 __all__ = ["APRON", "BIN", "Display", "HAS_XVFB", "PATIENCE", "ProgramTest", "ROOT", "SMALL_PICTURE", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW",
-           "children", "ended", "fields", "has_bullet", "json", "needs_call_numbers", "needs_view", "nightly", "NIGHTLY", "os", "pathlib", "program_seeds", "refusing",
+           "children", "ended", "fields", "has_bullet", "json", "needs_call_numbers", "needs_view", "NIGHTLY", "os", "pathlib", "program_seeds", "refusing",
            "signal", "subprocess", "tempfile", "time", "unittest"]
