@@ -76,11 +76,41 @@ std::uint64_t hash_of_crowd(int threads) {
   });
   return fixture.snapshot().state_hash;
 }
+
+// Jointed threes that bounce on heaving pins and on each other.
+std::uint64_t hash_of_mechanisms(int threads) {
+  using smartsurf::scene::JointKind;
+  PhysicsFixture fixture;
+  fixture.threads = threads;
+  fixture.scene.world.dt_s = 1.0 / 60;
+  fixture.scene.materials[0].restitution = 0.6;
+  fixture.scene.surface.border_height = 6.0;
+  for (int i = 0; i < 120; ++i) {
+    const Eigen::Vector3d at(3.0 + (i % 6) * 5.0, 3.0 + (i / 6 % 10) * 2.8, 4.0 + i / 60 * 3.0);
+    const auto first = fixture.add(sphere(0.6 + 0.1 * (i % 4), at)),
+               second = fixture.add(box({1.2, 1, 0.8}, at + Eigen::Vector3d(1.6, 0, 0.3))),
+               third = fixture.add(cylinder(0.5, 1, at + Eigen::Vector3d(3, 0, 0)));
+    const auto kind = static_cast<JointKind>(i % 4);
+    fixture.world().add_joint(
+        {.kind = kind, .a = first, .b = second, .anchor = at + Eigen::Vector3d(0.9, 0, 0)});
+    fixture.world().add_joint(
+        {.kind = JointKind::kHinge, .a = second, .b = third, .anchor = at + Eigen::Vector3d(2.4, 0, 0)});
+  }
+  int step = 0;
+  fixture.run(1.0, [&] {
+    ++step;
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c)
+        fixture.cells().set_target(0, r, c, static_cast<float>(1.0 + std::sin(0.4 * c + 0.05 * step)));
+  });
+  return fixture.snapshot().state_hash;
+}
 }  // namespace
 
 TEST(Determinism, BitIdenticalForAnyThreadCount) {
   const std::uint64_t single_threaded = hash_of_crowd(1);
   for (const int threads : {2, 3, 8}) EXPECT_EQ(hash_of_crowd(threads), single_threaded) << threads;
+  EXPECT_EQ(hash_of_mechanisms(3), hash_of_mechanisms(1));
   RecordProperty("state_hash", std::to_string(single_threaded));
 }
 
@@ -88,7 +118,8 @@ TEST(Determinism, BitIdenticalForAnyThreadCount) {
 // physics has changed: raise NativeEngine::version(), and write both here.
 TEST(Determinism, VersionOfThePhysicsNamesItsBits) {
   PhysicsFixture fixture;
-  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics36");
+  EXPECT_EQ(fixture.world().version(), SMARTSURF_VERSION "+physics37");
   EXPECT_EQ(hash_after(3.0), 0xc5550bf733c25872U);
   EXPECT_EQ(hash_of_crowd(1), 0x89cb5d555983d3c1U);
+  EXPECT_EQ(hash_of_mechanisms(1), 0xbf756b3de44ff8cU);
 }

@@ -80,14 +80,14 @@ float max_impulse_of(const ImpactSolver::Step& step, const Manifold& m, const Co
 // Normal speeds of an impact within the step.
 struct Rebound {
   float contact_speed;  // at contact, > 0
-  float end_speed;      // at the end of the step, set back to where the bodies touch
+  float end_speed;      // at the end of the step, `depth` below where the bodies touch
 };
 
 // The rebound leaves the bodies with e² times their energy at contact, wherever in the step that is, so that
 // bounces neither gain nor lose energy by it. `approach_speed` and `speed_after` are the normal velocities
 // before and after the substeps; both are exact half a substep earlier.
-Rebound compute_rebound(float approach_speed, float speed_after, float separation, float restitution,
-                        const ImpactSolver::Step& step) {
+Rebound compute_rebound(float approach_speed, float speed_after, float separation, float depth,
+                        float restitution, const ImpactSolver::Step& step) {
   constexpr float kMaxCorrection = 0.25F;
   const float acceleration = (speed_after - approach_speed) / step.dt_s;
   const float half_change = 0.5F * acceleration * step.dt_s / static_cast<float>(step.substeps);
@@ -97,7 +97,9 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
   const float squared = start * start - 2.0F * acceleration * std::max(separation, 0.0F);
   const float contact = std::clamp(std::sqrt(std::max(squared, 0.0F)), least, greatest);
   const float rebound = law::rebound_speed(restitution, -contact), max_correction = kMaxCorrection * rebound;
-  return {contact, rebound - std::clamp(half_change, -max_correction, max_correction)};
+  const float at_depth =
+      depth > 0.0F ? std::sqrt(std::max(0.0F, rebound * rebound - 2.0F * acceleration * depth)) : rebound;
+  return {contact, at_depth - std::clamp(half_change, -max_correction, max_correction)};
 }
 
 }  // namespace
@@ -289,6 +291,7 @@ void ImpactSolver::solve_on_caller(const Step& step, const Member& member) {
     limit_energy();
     if (generation == 0) move_on(step);
     for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
+    if (!responses_.empty()) add_blows_to_joints(step);
   }
   forget_changed_bodies(step);
 }
@@ -504,12 +507,8 @@ ImpactSolver::Point ImpactSolver::make_point(const Step& step, const Manifold& m
     p.axis[i] = to_row(axis[i]), p.spin_a[i] = to_row(spin_a[i]);
     if (p.velocity_b != nullptr) p.spin_b[i] = to_row(spin_b[i]);
   }
-  const float nn = inverse_effective_mass(0, 0), tt = inverse_effective_mass(1, 1),
-              uu = inverse_effective_mass(2, 2), tu = inverse_effective_mass(1, 2);
-  p.normal_mass = law::inverse(nn);
-  const float scale = law::inverse(tt * uu - tu * tu);
-  p.tangent_mass[0] = uu * scale, p.tangent_mass[1] = tt * scale, p.tangent_mass[2] = -tu * scale;
-  p.slip_mass = law::inverse(law::greatest_tangent_response(tt, uu, tu));
+  set_masses(p, inverse_effective_mass(0, 0), inverse_effective_mass(1, 1), inverse_effective_mass(2, 2),
+             inverse_effective_mass(1, 2));
   p.friction =
       friction_of(step.bodies.surface_material[m.a], material_of_b(step.bodies, step.field_material, m, c));
   p.max_impulse = max_impulse_of(step, m, c);
@@ -519,6 +518,80 @@ ImpactSolver::Point ImpactSolver::make_point(const Step& step, const Manifold& m
   p.energy_budget = 0.0F;
   p.seen_normal = p.seen_friction = versions(p) - 1;
   return p;
+}
+
+// From the inverse effective mass matrix.
+void ImpactSolver::set_masses(Point& p, float nn, float tt, float uu, float tu) {
+  p.normal_mass = law::inverse(nn);
+  const float scale = law::inverse(tt * uu - tu * tu);
+  p.tangent_mass[0] = uu * scale, p.tangent_mass[1] = tt * scale, p.tangent_mass[2] = -tu * scale;
+  p.slip_mass = law::inverse(law::greatest_tangent_response(tt, uu, tu));
+}
+
+// ---- bodies with joints: a blow to one of them moves all that joints connect
+
+// Replaces the masses of a point of which a side has joints.
+void ImpactSolver::add_responses(const Step& step, Point& p) {
+  const std::int32_t body[2] = {p.a, p.b};
+  std::int32_t tree[2] = {-1, -1};
+  for (const int side : {0, 1})
+    if (body[side] >= 0 && step.bodies.is_jointed[body[side]])
+      tree[side] = step.joints.tree_of_moving(body[side]);
+  if (tree[0] < 0 && tree[1] < 0) return;
+  p.first_response = static_cast<std::int32_t>(responses_.size());
+  Vec3 velocity[3];  // of a relative to b, by a unit impulse along each axis
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3 impulse = from_row(p.axis[axis]);
+    const JointSolver::Blow blows[2] = {{p.a, impulse, from_row(p.anchor_a)},
+                                        {p.b, -impulse, from_row(p.anchor_b)}};
+    row_changes_.clear();
+    if (tree[0] == tree[1])
+      step.joints.respond(tree[0], blows, row_changes_);
+    else
+      for (const int side : {0, 1}) {
+        if (tree[side] >= 0)
+          step.joints.respond(tree[side], {&blows[side], 1}, row_changes_);
+        else if (body[side] >= 0 && (side == 0 ? p.velocity_a : p.velocity_b)->inverse_mass > 0.0F)
+          row_changes_.push_back(response_alone(p, side, axis));
+      }
+    velocity[axis].setZero();
+    for (std::size_t i = 0; i < row_changes_.size(); ++i) {
+      const JointSolver::RowChange& c = row_changes_[i];
+      if (axis == 0)
+        responses_.push_back({step.velocity + c.row, &state_of_row(c.row), c.body, c.row, {}, {}});
+      Response& r = responses_[p.first_response + i];
+      r.linear[axis] = to_row(c.velocity), r.spin[axis] = to_row(c.angular_velocity);
+      if (c.body == p.a) velocity[axis] += c.velocity + c.angular_velocity.cross(from_row(p.anchor_a));
+      if (c.body == p.b) velocity[axis] -= c.velocity + c.angular_velocity.cross(from_row(p.anchor_b));
+    }
+  }
+  p.response_count = static_cast<std::int32_t>(responses_.size()) - p.first_response;
+  const auto along = [&](int i, int j) { return from_row(p.axis[i]).dot(velocity[j]); };
+  // Symmetric but for how far the bodies turned within the step.
+  set_masses(p, along(0, 0), along(1, 1), along(2, 2), 0.5F * (along(1, 2) + along(2, 1)));
+}
+
+// Of a side without joints that move, to a unit impulse.
+JointSolver::RowChange ImpactSolver::response_alone(const Point& p, int side, int axis) {
+  const float sign = side == 0 ? 1.0F : -1.0F;
+  return {side == 0 ? p.a : p.b, side == 0 ? p.row_a : p.row_b,
+          sign * (side == 0 ? p.velocity_a : p.velocity_b)->inverse_mass * from_row(p.axis[axis]),
+          sign * from_row(side == 0 ? p.spin_a[axis] : p.spin_b[axis])};
+}
+
+// So that joints report the impulses of the blow.
+void ImpactSolver::add_blows_to_joints(const Step& step) {
+  for (const Point& p : points_) {
+    if (p.response_count == 0) continue;
+    Vec3 impulse = Vec3::Zero();
+    for (int i = 0; i < 3; ++i) impulse += p.impulse[i] * from_row(p.axis[i]);
+    const JointSolver::Blow blows[2] = {{p.a, impulse, from_row(p.anchor_a)},
+                                        {p.b, -impulse, from_row(p.anchor_b)}};
+    for (const JointSolver::Blow& blow : blows)
+      if (blow.body >= 0)
+        if (const std::int32_t tree = step.joints.tree_of_moving(blow.body); tree >= 0)
+          step.joints.add_blows(tree, {&blow, 1});
+  }
 }
 
 void ImpactSolver::add_hits(const Step& step) {
@@ -531,7 +604,7 @@ void ImpactSolver::add_hits(const Step& step) {
     if (hit.in_substeps) {
       set_target(p, law::rebound_speed(restitution, hit.approach_speed), 0.0F);
       p.energy_budget = 0.5F * p.normal_mass * hit.approach_speed * hit.approach_speed;
-      add_point(p);
+      add_point(step, p);
       continue;
     }
     const float speed_after = p.velocity_before[0];
@@ -543,12 +616,16 @@ void ImpactSolver::add_hits(const Step& step) {
       approach_speed = std::min(0.0F, normal.dot(b.velocity(m.a) + b.angular_velocity(m.a).cross(anchor_a) -
                                                  b.velocity(m.b) - b.angular_velocity(m.b).cross(anchor_b)));
     }
-    const Rebound rebound = compute_rebound(approach_speed, speed_after, c.separation, restitution, step);
+    // Bodies with joints are not set back.
+    const bool is_jointed = step.bodies.is_jointed[m.a] || (m.b >= 0 && step.bodies.is_jointed[m.b]);
+    const float depth = is_jointed ? std::max(0.0F, -Sides(step, m, c).separation(c, step.dt_s)) : 0.0F;
+    const Rebound rebound =
+        compute_rebound(approach_speed, speed_after, c.separation, depth, restitution, step);
     set_target(p, rebound.end_speed, 0.0F);
     // The rest of the impulse supports the body until the end of the step.
     const float change = rebound.end_speed - speed_after;
     if (change > 0.0F) p.friction *= std::min(1.0F, (1.0F + restitution) * rebound.contact_speed / change);
-    add_point(p);
+    add_point(step, p);
   }
 }
 
@@ -565,7 +642,7 @@ bool ImpactSolver::add_found_points(Task task, const Step& step, const Member& m
   if (std::ssize(found_) < chunk_count_) found_.resize(chunk_count_);
   run(task, step, member, shares);
   for (std::vector<Point>& found : found_) {
-    std::ranges::for_each(found, [this](const Point& p) { add_point(p); });
+    std::ranges::for_each(found, [&](const Point& p) { add_point(step, p); });
     found.clear();
   }
   for (MemberState& m : members_) rebounds_ |= std::exchange(m.rebounds, false);
@@ -664,10 +741,12 @@ void ImpactSolver::set_target(Point& p, float speed, float blow_speed) {
   p.blow_speed = std::max(blow_speed, std::abs(speed) + std::abs(p.velocity_before[0]));
 }
 
-void ImpactSolver::add_point(const Point& p) {
-  points_.push_back(p);
-  for (const std::int32_t body : {p.a, p.b})
-    if (body >= 0) blow_speed_[body] = std::max(blow_speed_[body], p.blow_speed);
+void ImpactSolver::add_point(const Step& step, const Point& point) {
+  Point& p = points_.emplace_back(point);
+  add_responses(step, p);
+  for_each_body(p, [&](std::int32_t body, std::int32_t) {
+    blow_speed_[body] = std::max(blow_speed_[body], p.blow_speed);
+  });
 }
 
 // The contact's flag: nonzero if it is a point of the current generation.
@@ -678,10 +757,10 @@ char& ImpactSolver::is_point(const Step& step, bool is_pair, const Contact& c) {
 void ImpactSolver::clear_points(const Step& step) {
   for (const Point& p : points_) {
     is_point(step, p.b >= 0, *p.contact) = 0;
-    for (const std::int32_t row : {p.row_a, p.row_b})
-      if (row >= 0) root_[row] = -1;
+    for_each_body(p, [this](std::int32_t, std::int32_t row) { root_[row] = -1; });
   }
   points_.clear();
+  responses_.clear();
   joined_points_ = 0;
 }
 

@@ -12,6 +12,7 @@
 // swept for as long as the whole list would be. The order of a sweep depends on the contacts alone.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -23,6 +24,7 @@
 #include "smartsurf/world/contact/Contact.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/parallel/Team.h"
+#include "smartsurf/world/solver/JointSolver.h"
 
 namespace smartsurf::world {
 
@@ -48,6 +50,7 @@ class ImpactSolver {
     float dt_s;
     int substeps;
     const HasRoom& has_room;
+    JointSolver& joints;
     // ---- by row; in and out
     BodyVelocity* velocity;
     DeltaPose* delta_pose;
@@ -108,6 +111,13 @@ class ImpactSolver {
     std::uint32_t version = 0;  // counts the changes of the body's velocity
     bool is_changed = false;    // the body is among changed_bodies_, or will be
   };
+  // What the impulses of a point change of a body that moves, by a unit impulse along each of its axes.
+  struct Response {
+    BodyVelocity* velocity;
+    RowState* state;
+    std::int32_t body, row;
+    Float4 linear[3], spin[3];
+  };
   // A colliding contact of the current generation. Components are along the normal and two tangents. In the
   // list, several members write to neighbours. What a sweep reads of a point that it leaves alone comes
   // first.
@@ -130,7 +140,10 @@ class ImpactSolver {
     float blow_speed;       // greatest change of speed by the blow: the scale of errors
     float tangent_mass[3];  // inverse of the inverse effective mass matrix in the tangent plane: tt, uu, tu
     float slip_mass;        // inverse of that matrix's greater eigenvalue
-    std::int32_t a, b;      // bodies; b = −1: static
+    // In responses_: of the bodies of both sides and those that joints connect with them. None without
+    // joints.
+    std::int32_t first_response = 0, response_count = 0;
+    std::int32_t a, b;          // bodies; b = −1: static
     std::int32_t row_a, row_b;  // of a and b
     Contact* contact;
     Vec3 velocity_before;
@@ -176,6 +189,7 @@ class ImpactSolver {
   struct Change {
     std::uint64_t order;
     std::int32_t body;
+    auto operator<=>(const Change&) const = default;
   };
   struct alignas(128) MemberState {
     std::vector<Candidate> candidates;
@@ -240,7 +254,22 @@ class ImpactSolver {
   void clear_points(const Step&);
   Point make_point(const Step&, const Manifold&, Contact&);
   Point make_point(const Step&, const Manifold&, Contact&, const Sides&, const Vec3& normal);
-  void add_point(const Point&);
+  void add_point(const Step&, const Point&);
+  void add_responses(const Step&, Point&);
+  static JointSolver::RowChange response_alone(const Point&, int side, int axis);
+  static void set_masses(Point&, float nn, float tt, float uu, float tu);
+  std::span<const Response> responses_of(const Point& p) const {
+    return std::span(responses_).subspan(p.first_response, p.response_count);
+  }
+  // Calls each(body, row) for all bodies that an impulse of the point moves, and for immovable ones of its
+  // own.
+  template <class Each>
+  void for_each_body(const Point& p, Each each) const {
+    each(p.a, p.row_a);
+    if (p.b >= 0) each(p.b, p.row_b);
+    for (const Response& r : responses_of(p)) each(r.body, r.row);
+  }
+  void add_blows_to_joints(const Step&);
   void solve_points(Island&, Sweeper&);
   bool solve_normals(const Island&, Sweeper&, int max_sweeps, int first_number);
   bool normals_are_solved(const Island&, Sweeper&);
@@ -257,7 +286,8 @@ class ImpactSolver {
     return row + slab_of_row_[row] * kRowsBetweenSlabs;
   }
   RowState& state_of_row(std::int32_t row) { return row_states_[index_of_state(row)]; }
-  static void apply_impulse(Point&, int axis, float impulse);
+  void apply_impulse(Point&, int axis, float impulse);
+  void move_mechanisms(const Point&, int axis, float impulse);
   float count_change(const Point&, float impulse_change, const Visit&);
   static void prefetch(const Point&);
   float solve_normal(Point&, const Visit&);
@@ -286,7 +316,9 @@ class ImpactSolver {
   std::vector<float> blow_speed_;           // by body
   std::vector<std::int32_t> moved_bodies_;  // in the current generation
   std::vector<Point> points_;
-  std::vector<char> is_point_[2];  // by contact: static ones, those of pairs
+  std::vector<Response> responses_;                  // of points of bodies with joints
+  std::vector<JointSolver::RowChange> row_changes_;  // of one of these
+  std::vector<char> is_point_[2];                    // by contact: static ones, those of pairs
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;

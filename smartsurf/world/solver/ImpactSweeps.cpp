@@ -46,9 +46,10 @@ void ImpactSolver::run_sweeps(Task task, const Step& step, const Member& member,
 void ImpactSolver::find_islands(const SpatialPartition& partition) {
   for (; joined_points_ < points_.size(); ++joined_points_) {
     const Point& p = points_[joined_points_];
-    for (const std::int32_t row : {p.row_a, p.row_b})
-      if (row >= 0 && root_[row] < 0) root_[row] = row;
-    if (p.row_b >= 0) root_[find_root(root_, p.row_b)] = find_root(root_, p.row_a);
+    for_each_body(p, [&](std::int32_t, std::int32_t row) {
+      if (root_[row] < 0) root_[row] = row;
+      root_[find_root(root_, row)] = find_root(root_, p.row_a);
+    });
   }
   islands_.clear();
   key_of_point_.resize(points_.size());
@@ -85,7 +86,8 @@ void ImpactSolver::order_by_slab(Island& island, const SpatialPartition& partiti
   const auto key_of = [&](std::int32_t point) {
     const Point& p = points_[point];
     const int a = slab_of_row_[p.row_a], b = p.row_b < 0 ? a : slab_of_row_[p.row_b], slab = std::min(a, b);
-    const Phase phase = a == b                  ? kWithinSlabs
+    const Phase phase = p.response_count > 0    ? kElsewhere
+                        : a == b                ? kWithinSlabs
                         : a + b != 2 * slab + 1 ? kElsewhere
                         : slab % 2 == 0         ? kAfterEvenSlabs
                                                 : kAfterOddSlabs;
@@ -204,7 +206,7 @@ void ImpactSolver::take_changes() {
     changes_.insert(changes_.end(), m.changes.begin(), m.changes.end());
     m.changes.clear();
   }
-  std::ranges::sort(changes_, {}, &Change::order);
+  std::ranges::sort(changes_);
   for (const Change& c : changes_) changed_bodies_.push_back(c.body);
 }
 
@@ -217,8 +219,18 @@ void ImpactSolver::take_changes() {
     store4(load4(v.angular_velocity) + by * spin, v.angular_velocity);
   };
   p.impulse[axis] += impulse;
+  if (p.response_count > 0) [[unlikely]]
+    return move_mechanisms(p, axis, impulse);
   change(*p.velocity_a, impulse, p.spin_a[axis]);
   if (p.velocity_b != nullptr) change(*p.velocity_b, -impulse, p.spin_b[axis]);
+}
+
+// The bodies of a point of which a side has joints, and all that joints connect with them.
+[[gnu::noinline]] void ImpactSolver::move_mechanisms(const Point& p, int axis, float impulse) {
+  for (const Response& r : responses_of(p)) {
+    store4(load4(r.velocity->velocity) + impulse * r.linear[axis], r.velocity->velocity);
+    store4(load4(r.velocity->angular_velocity) + impulse * r.spin[axis], r.velocity->angular_velocity);
+  }
 }
 
 // Returns the change relative to the impulse of the whole impact.
@@ -232,6 +244,10 @@ void ImpactSolver::take_changes() {
     if (!state.is_changed) visit.changes.push_back({visit.order(side), body});
     state.is_changed = true;
   };
+  if (p.response_count > 0) [[unlikely]] {
+    for (const Response& r : responses_of(p)) note(*r.state, r.body, 0);
+    return change;
+  }
   note(*p.state_a, p.a, 0);
   if (p.state_b != nullptr) note(*p.state_b, p.b, 1);
   return change;
@@ -354,16 +370,19 @@ float ImpactSolver::solve_friction(Point& p, const Visit& visit) {
 // Newton's law with friction may add energy to bodies that are hit off-centre. Scales the impulses of each
 // island down to where they do not.
 void ImpactSolver::limit_energy() {
-  for (const Point& p : points_)
-    for (const std::int32_t body : {p.a, p.b})
-      if (body >= 0) {
-        island_[body] = body;
-        energy_[body] = {};
-      }
-  for (const Point& p : points_) {
-    if (p.b < 0 || p.velocity_a->inverse_mass == 0.0F || p.velocity_b->inverse_mass == 0.0F) continue;
-    const std::int32_t a = find_root(island_, p.a), b = find_root(island_, p.b);
+  const auto unite = [this](std::int32_t i, std::int32_t j) {
+    const std::int32_t a = find_root(island_, i), b = find_root(island_, j);
     island_[std::max(a, b)] = std::min(a, b);
+  };
+  for (const Point& p : points_)
+    for_each_body(p, [this](std::int32_t body, std::int32_t) {
+      island_[body] = body;
+      energy_[body] = {};
+    });
+  for (const Point& p : points_) {
+    const std::span<const Response> responses = responses_of(p);
+    for (const Response& r : responses) unite(r.body, responses.front().body);
+    if (p.b >= 0 && p.velocity_a->inverse_mass > 0.0F && p.velocity_b->inverse_mass > 0.0F) unite(p.a, p.b);
   }
   auto energy_of = [this](const Point& p) -> IslandEnergy& {
     const bool a_moves = p.velocity_a->inverse_mass > 0.0F;

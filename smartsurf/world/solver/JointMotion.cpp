@@ -93,7 +93,7 @@ void JointSolver::move_bodies(const Rows& rows, IndexRange trees) {
   for (int t = trees.begin; t < trees.end; ++t) {
     TreeState& s = tree_states_[t];
     if (!s.is_selected()) continue;
-    s.is_factored = false;
+    s.is_factored = s.is_factored_for_blows = false;
     for (const std::int32_t i : bodies_of(equations_.trees()[t])) {
       Body& b = bodies_[i];
       if (!b.is_active) continue;
@@ -112,8 +112,7 @@ void JointSolver::store_motion(const Pose& from, const Pose& to, DeltaPose& delt
 }
 
 void JointSolver::end_early(std::int32_t body, float fraction) {
-  const Body& b = *std::ranges::lower_bound(bodies_, body, {}, &Body::body);
-  TreeState& s = tree_states_[b.tree];
+  TreeState& s = tree_states_[bodies_[index_of(body)].tree];
   s.kept = std::min(s.kept, static_cast<std::int32_t>(fraction * static_cast<float>(s.substep)));
 }
 

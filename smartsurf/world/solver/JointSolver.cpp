@@ -37,17 +37,8 @@ constexpr double kErrorReduction = 0.5;
 // small error takes a great speed, which must not remain.
 constexpr double kSlowCorrection = 1e-3;
 
-// The world tensor of the moments about the least, middle and greatest principal axis, or of their inverses.
-Matrix3d tensor_of(const PrincipalInertia& p, const Quaterniond& orientation, const Vector3d& moments) {
-  const Vector3d u = orientation * Vector3d(p.least_axis), v = orientation * Vector3d(p.greatest_axis);
-  return moments[1] * Matrix3d::Identity() + (moments[0] - moments[1]) * u * u.transpose() +
-         (moments[2] - moments[1]) * v * v.transpose();
-}
-
 // The first rows of a joint are the linear ones; see rigid_error().
 int linear_rows(scene::JointKind kind) { return kind == scene::JointKind::kSlider ? 2 : 3; }
-
-constexpr int kAxis = 5;  // the row
 
 // The speed at which a coordinate returns to a limit that it has passed.
 double correction_speed(double room, double h_s) {
@@ -59,6 +50,12 @@ double compliance_of(const JointEquations::Tree& tree) {
 }
 
 }  // namespace
+
+Matrix3d JointSolver::tensor_of(const PrincipalInertia& p, const Quatd& orientation, const Vec3d& moments) {
+  const Vec3d u = orientation * Vec3d(p.least_axis), v = orientation * Vec3d(p.greatest_axis);
+  return moments[1] * Matrix3d::Identity() + (moments[0] - moments[1]) * u * u.transpose() +
+         (moments[2] - moments[1]) * v * v.transpose();
+}
 
 // ---- poses and errors
 
@@ -634,7 +631,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
         s.role = Role::kSelected;
         continue;
       }
-      if (!is_factored(t)) factor(t);
+      if (!is_factored(t)) factor(t, Axes::kOfSegments);
       equations_.solve(t);
       for (const std::int32_t k : joints_of(equations_.trees()[t]))
         if (blocks_[k].is_active) apply(blocks_[k], equations_.of_joint(k));
@@ -717,7 +714,7 @@ bool JointSolver::is_factored(std::int32_t t) const {
   return true;
 }
 
-void JointSolver::factor(std::int32_t t) {
+void JointSolver::factor(std::int32_t t, Axes held) {
   const JointEquations::Tree& tree = equations_.trees()[t];
   equations_.begin(t);
   for (const std::int32_t i : bodies_of(tree)) {
@@ -739,7 +736,11 @@ void JointSolver::factor(std::int32_t t) {
       compliance.diagonal().head(block.rigid_rows) =
           compliance_of(tree) * block.response.head(block.rigid_rows);
       if (joints_[k].has_coordinate()) {
-        block.factored_compliance = axis_compliance(block, compliance_of(tree));
+        if (held == Axes::kOfSegments)
+          block.factored_compliance = axis_compliance(block, compliance_of(tree));
+        else
+          block.factored_compliance =
+              joints_[k].is_locked() ? compliance_of(tree) * block.response[kAxis] : -1.0;
         if (block.factored_compliance >= 0.0)
           compliance(kAxis, kAxis) = block.factored_compliance;
         else
@@ -750,7 +751,8 @@ void JointSolver::factor(std::int32_t t) {
     equations_.set_jacobian(k, 1, b);
   }
   equations_.factor(t);
-  tree_states_[t].is_factored = true;
+  tree_states_[t].is_factored = held == Axes::kOfSegments;
+  tree_states_[t].is_factored_for_blows = held == Axes::kLocked;
 }
 
 void JointSolver::find_strained(const BodyStore& bodies, float min_depth,

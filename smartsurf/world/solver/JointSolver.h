@@ -94,6 +94,25 @@ class JointSolver {
   }
   // Notes an impulse that the solver has exerted along the rows, in the stage of solve() or relax().
   void add_impulse(std::int32_t joint, const JointEquations::Vector6& impulse, bool is_relaxing);
+  // ---- for impacts, after the last substep; on one thread
+  // An impulse on a point of a body, at `anchor` from its centre of mass, mass·u/s.
+  struct Blow {
+    std::int32_t body;
+    Vec3 impulse, anchor;
+  };
+  // What blows change of a body's row.
+  struct RowChange {
+    std::int32_t body, row;
+    Vec3 velocity, angular_velocity;
+  };
+  // The tree of an active body whose joints move; −1 for other bodies.
+  std::int32_t tree_of_moving(std::int32_t body) const;
+  // Appends how the tree's active bodies respond to blows to some of them, with rigid joints. Axes are free
+  // but for those that are locked: efforts of springs, motors and friction are too small to matter in an
+  // instant, and limits act in the next substep.
+  void respond(std::int32_t tree, std::span<const Blow> blows, std::vector<RowChange>& changes);
+  // Adds the impulses with which the joints pass the blows on to what state() gives.
+  void add_blows(std::int32_t tree, std::span<const Blow> blows);
   // Calls visit(body) for the active bodies with joints.
   template <class Visit>
   void for_each_jointed(Visit visit) const {
@@ -113,7 +132,7 @@ class JointSolver {
   void find_strained(const BodyStore&, float min_depth, std::vector<JammedBody>&) const;
 
  private:
-  static constexpr int kRows = 6;
+  static constexpr int kRows = 6, kAxis = 5;  // the axis's row
   using Vec3d = Eigen::Vector3d;
   using Quatd = Eigen::Quaterniond;
   using RowVector = JointEquations::Vector6;  // an entry per row, or a wrench
@@ -141,6 +160,7 @@ class JointSolver {
     bool has_coordinate() const {
       return kind == scene::JointKind::kHinge || kind == scene::JointKind::kSlider;
     }
+    bool is_locked() const { return lower == upper; }
   };
   struct Pose {
     Vec3d position{0, 0, 0};
@@ -199,6 +219,7 @@ class JointSolver {
   struct TreeState {
     Role role;
     bool is_active, is_factored, has_changed;
+    bool is_factored_for_blows;  // instead
     bool is_unfinished, is_touched;
     std::int32_t substep;  // how many have ended
     std::int32_t kept;     // how many count
@@ -226,6 +247,9 @@ class JointSolver {
   void index_bodies(const BodyStore&);
   void begin_body(Body&, const BodyStore&, const SpatialPartition&);
   static Quatd turned_frame(const Body&);
+  // The world tensor of the moments about the least, middle and greatest principal axis, or of their
+  // inverses.
+  static Eigen::Matrix3d tensor_of(const PrincipalInertia&, const Quatd& orientation, const Vec3d& moments);
   void load_velocities(const Rows&, IndexRange trees);
   void store_velocities(const Rows&, IndexRange trees);
   static RowVector rigid_error(const Joint& j, const Pose& a, const Pose& b) {
@@ -291,7 +315,13 @@ class JointSolver {
   void set_leads(Stage, IndexRange trees);
   double set_residuals(const JointEquations::Tree&, Stage, double h_s, bool has_changed_segments);
   bool is_factored(std::int32_t tree) const;
-  void factor(std::int32_t tree);
+  enum class Axes : std::uint8_t { kOfSegments, kLocked };  // that are held
+  void factor(std::int32_t tree, Axes);
+  void solve_blows(std::int32_t tree, std::span<const Blow> blows);
+  std::int32_t index_of(std::int32_t body) const {
+    return static_cast<std::int32_t>(std::ranges::lower_bound(bodies_, body, {}, &Body::body) -
+                                     bodies_.begin());
+  }
   void predict(IndexRange trees);
   void move_bodies(const Rows&, IndexRange trees);
   static void store_motion(const Pose& from, const Pose& to, DeltaPose&);

@@ -111,7 +111,6 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     const int manifold = graph_.manifold(index, lane);
     const Manifold& m = list.manifolds[manifold];
     constexpr float kFlatness = 0.9F;
-    // An impact is solved as if there were no joints, and sets the bodies back one by one: off their joints.
     const bool is_jointed = context.bodies.is_jointed[m.a] || (m.b >= 0 && context.bodies.is_jointed[m.b]);
     // Heavy islands solve the blow of a heavy body to a light one below it, which sweeps hardly do.
     const bool is_pressed =
@@ -152,6 +151,7 @@ void Solver::solve_impacts(StepContext& context, const Member& member) {
                   .dt_s = settings_.dt_s,
                   .substeps = settings_.substeps,
                   .has_room = context.input.has_room,
+                  .joints = context.input.joints,
                   .velocity = velocity_.data(),
                   .delta_pose = delta_pose_.data()},
                  member);
