@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <numeric>
 
 #include "smartsurf/mesh/SolidBuilder.h"
 #include "smartsurf/world/bullet/EngineFactory.h"
@@ -75,6 +76,15 @@ Eigen::Vector3f PhysicsFixture::velocity(scene::ObjectId id) {
 }
 Eigen::Vector3f PhysicsFixture::angular_velocity(scene::ObjectId id) {
   return Eigen::Vector3f(snapshot().angular_velocity[id].data());
+}
+
+double PhysicsFixture::upright(scene::ObjectId id) {
+  return (world().state(id).orientation * Eigen::Vector3d::UnitZ()).z();
+}
+
+double PhysicsFixture::total_load() {
+  const auto& impulse = cells().field().impulse;
+  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / scene.world.dt_s;
 }
 
 void raise_all(PhysicsFixture& fixture, float height) {

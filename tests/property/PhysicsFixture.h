@@ -41,6 +41,10 @@ class PhysicsFixture {
   Eigen::Vector3f position(smartsurf::scene::ObjectId);
   Eigen::Vector3f velocity(smartsurf::scene::ObjectId);
   Eigen::Vector3f angular_velocity(smartsurf::scene::ObjectId);
+  // The vertical component of the object's axis.
+  double upright(smartsurf::scene::ObjectId);
+  // The sum of all cells' loads in the last step, mass·u/s².
+  double total_load();
 
  private:
   std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numeric>
 #include <random>
 
 #include "smartsurf/mesh/SolidBuilder.h"
@@ -13,17 +12,6 @@ using namespace physics_fixture;
 using namespace smartsurf;
 
 namespace {
-
-double total_load(PhysicsFixture& fixture) {
-  const auto& impulse = fixture.cells().field().impulse;
-  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
-}
-
-// The vertical component of an object's axis.
-double upright(PhysicsFixture& fixture, std::size_t index) {
-  const std::array<float, 4>& q = fixture.snapshot().orientation[index];
-  return 1 - 2 * static_cast<double>(q[0] * q[0] + q[1] * q[1]);
-}
 
 // Draws from a seed; the parameter is the step, s.
 class Rest : public testing::TestWithParam<double> {
@@ -52,8 +40,8 @@ TEST_P(UnevenBed, BearsTheWeightAndHoldsStill) {
     const Eigen::Vector3f from = fixture.position(id);
     double least = 1e9, greatest = 0;
     fixture.run(2.0, [&] {
-      least = std::min(least, total_load(fixture));
-      greatest = std::max(greatest, total_load(fixture));
+      least = std::min(least, fixture.total_load());
+      greatest = std::max(greatest, fixture.total_load());
     });
     EXPECT_NEAR(least, 25 * kGravity, 0.01 * 25 * kGravity) << trial;
     EXPECT_NEAR(greatest, 25 * kGravity, 0.01 * 25 * kGravity) << trial;
@@ -128,7 +116,7 @@ TEST_P(SleepingStack, LoadsAreInEquilibrium) {
         load += static_cast<double>(c.impulse) / GetParam() * Eigen::Vector3d(c.point.x(), c.point.y(), 1);
     for (const auto& at : fixture.snapshot().position) centre += Eigen::Vector3d(at[0], at[1], 1) / count;
     const double weight = count * kGravity;
-    EXPECT_NEAR(total_load(fixture), weight, 0.001 * weight);
+    EXPECT_NEAR(fixture.total_load(), weight, 0.001 * weight);
     EXPECT_LT((load / weight - centre).norm(), 0.002);
   }
   EXPECT_GE(asleep, 15);
@@ -187,7 +175,7 @@ TEST_P(SleepingGroup, CellsBearTheWeight) {
     for (int s = 0; s < 16 && fixture.world().sleeping_count() < count; ++s) fixture.run(0.5);
     if (fixture.world().sleeping_count() < count) continue;
     ++asleep;
-    EXPECT_NEAR(total_load(fixture), mass * kGravity, 0.001 * mass * kGravity);
+    EXPECT_NEAR(fixture.total_load(), mass * kGravity, 0.001 * mass * kGravity);
   }
   EXPECT_GE(asleep, groups / 4);
 }
@@ -209,7 +197,7 @@ TEST_P(Landing, StaysFlat) {
     fixture.add(below);
     fixture.add(above);
     double least = 1;
-    fixture.run(4.0, [&] { least = std::min(least, upright(fixture, 1)); });
+    fixture.run(4.0, [&] { least = std::min(least, fixture.upright(1)); });
     EXPECT_GT(least, std::cos(0.3 * M_PI / 180)) << trial;
   }
 }

@@ -31,11 +31,6 @@ double load_on(PhysicsFixture& fixture, int row, int column) {
          fixture.scene.world.dt_s;
 }
 
-double total_load(PhysicsFixture& fixture) {
-  const auto& impulse = fixture.cells().field().impulse;
-  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
-}
-
 // The least impulse that counts as load: a contact of no load keeps some rounding.
 float least_load(PhysicsFixture& fixture) {
   const auto& impulse = fixture.cells().field().impulse;
@@ -95,7 +90,7 @@ TEST_P(Support, BoxLoadsAllItsCellsEqually) {
   fixture.run(0.3);
   expect_equal_loads(fixture, 25, 25 * kGravity);
   // Asleep, and in the tick of falling asleep.
-  fixture.run(1.0, [&] { ASSERT_NEAR(total_load(fixture), 25 * kGravity, 0.01 * 25 * kGravity); });
+  fixture.run(1.0, [&] { ASSERT_NEAR(fixture.total_load(), 25 * kGravity, 0.01 * 25 * kGravity); });
   EXPECT_EQ(fixture.world().sleeping_count(), 1);
   expect_equal_loads(fixture, 25, 25 * kGravity);
 }
@@ -182,7 +177,7 @@ TEST_P(Support, LowerCellsBearNothing) {
   fixture.run(1.0);
   fixture.add(box({5, 5, 1}, {15, 15, 1.5}));
   fixture.run(0.4);
-  EXPECT_NEAR(total_load(fixture), 25 * kGravity, 0.01 * 25 * kGravity);
+  EXPECT_NEAR(fixture.total_load(), 25 * kGravity, 0.01 * 25 * kGravity);
   expect_equal_loads(fixture, 13, 25 * kGravity);
 }
 
@@ -315,7 +310,7 @@ TEST_P(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
     object.orientation = lying;
     fixture.add(object);
     fixture.run(0.3);
-    expect_equal_loads(fixture, 5, total_load(fixture));
+    expect_equal_loads(fixture, 5, fixture.total_load());
   }
   {
     // On its flat: the 9 cells that it covers fully bear alike, the others by the area that they share with
@@ -369,7 +364,7 @@ TEST_P(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
     object.position = {15, 15.5, 1};
     fixture.add(object);
     fixture.run(0.3);
-    expect_equal_loads(fixture, 4, total_load(fixture));
+    expect_equal_loads(fixture, 4, fixture.total_load());
   }
 }
 
@@ -416,7 +411,7 @@ TEST_P(Support, PressureOnASlopeIsTheNormalPartOfTheWeight) {
     fixture.run(1.5);
     EXPECT_LT((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 3e-3F) << angle;
     const double normal = 25 * kGravity * std::cos(angle);
-    EXPECT_NEAR(total_load(fixture), normal, 1e-3 * normal) << angle;
+    EXPECT_NEAR(fixture.total_load(), normal, 1e-3 * normal) << angle;
     // The friction's moment about the centre of mass, W·sin·½, tilts the load: N = (W/25)·(cos + sin·½·x/2).
     for (int c = 0; c < 5; ++c) {
       const double expected = kGravity * (std::cos(angle) + std::sin(angle) * 0.5 * (c - 2) / 2);

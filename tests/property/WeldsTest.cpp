@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <random>
 #include <vector>
 
@@ -15,18 +14,8 @@ using namespace smartsurf;
 
 namespace {
 
-double total_load(PhysicsFixture& fixture) {
-  const auto& impulse = fixture.cells().field().impulse;
-  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
-}
-
 void weld(PhysicsFixture& fixture, scene::ObjectId a, scene::ObjectId b, const Eigen::Vector3d& anchor) {
   fixture.world().add_joint({.kind = scene::JointKind::kFixed, .a = a, .b = b, .anchor = anchor});
-}
-
-// The vertical component of a body's axis.
-double upright(PhysicsFixture& fixture, scene::ObjectId id) {
-  return (fixture.world().state(id).orientation * Eigen::Vector3d::UnitZ()).z();
 }
 
 class Welds : public testing::TestWithParam<double> {};
@@ -54,7 +43,7 @@ TEST_P(Welds, UnevenCellsBearTheWeight) {
     fixture.run(6.0);
     if (fixture.world().sleeping_count() < count) return;
     ++asleep;
-    if (std::abs(total_load(fixture) - weight) > 0.01 * weight) ++off;
+    if (std::abs(fixture.total_load() - weight) > 0.01 * weight) ++off;
   });
   EXPECT_GE(asleep, kDraws / 2);
   EXPECT_LE(off, 1);  // where edges of tops bear obliquely, friction carries a part
@@ -86,8 +75,8 @@ TEST_P(Welds, HeavyBodiesStandOnLightOnes) {
     SCOPED_TRACE(testing::Message() << "ratio " << ratio << ", " << fixture.scene.world.iterations
                                     << " iterations");
     EXPECT_NEAR(fixture.position(heavy).z(), middle.z(), 0.0042);
-    EXPECT_GT(upright(fixture, heavy), std::cos(0.1 * M_PI / 180));
-    EXPECT_NEAR(total_load(fixture), weight, 0.01 * weight);
+    EXPECT_GT(fixture.upright(heavy), std::cos(0.1 * M_PI / 180));
+    EXPECT_NEAR(fixture.total_load(), weight, 0.01 * weight);
     EXPECT_NEAR(fixture.position(lid).z() - fixture.position(heavy).z(), 0.5 * height + 0.1, 1e-3);
   });
 }
@@ -115,9 +104,9 @@ TEST_P(Welds, MovingCellsCarryHeavyBodies) {
     int steps = 0;
     SCOPED_TRACE(testing::Message() << (rises ? "rise " : "drive ") << speed << ", ratio " << ratio << ", "
                                     << fixture.scene.world.iterations << " iterations");
-    fixture.run(1.0, [&] { load += total_load(fixture), ++steps; });
+    fixture.run(1.0, [&] { load += fixture.total_load(), ++steps; });
     EXPECT_NEAR((fixture.position(upper) - fixture.position(lower)).z(), 1.0, 0.01);
-    EXPECT_GT(upright(fixture, upper), std::cos(0.5 * M_PI / 180));
+    EXPECT_GT(fixture.upright(upper), std::cos(0.5 * M_PI / 180));
     EXPECT_NEAR(load / steps, weight, 0.01 * weight);
   });
 }

@@ -1,5 +1,5 @@
 // Which islands the direct solver has: the lanes that make one heavy, the sets of rows that contacts connect,
-// and their bodies, points, patches and fixed joints.
+// and their bodies, points, patches and joints.
 #include <algorithm>
 #include <atomic>
 #include <bit>
@@ -312,7 +312,7 @@ void HeavyIslandSolver::build(const Step& step, IndexRange own_rows, const Membe
   member.single([&] {
     order_lanes(step);
     collect_patches(step.supports);
-    collect_welds(step);
+    collect_joints(step);
     std::erase_if(islands_, [](const Island& island) { return island.body_count == 0; });
     if (matrices_.size() < islands_.size()) matrices_.resize(islands_.size());
     share_islands();
@@ -329,7 +329,7 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
   const auto moves = [&](std::int32_t row) { return step.velocity[row].inverse_mass > 0.0F; };
   if (member.is_caller())
     for (const BodyLink& link : step.bodies.links) {
-      if (!link.is_rigid || link.b < 0) continue;
+      if (link.b < 0) continue;
       if (step.bodies.is_active(link.a) && step.bodies.is_active(link.b))
         unite(step.partition.row(link.a), step.partition.row(link.b));
     }
@@ -354,7 +354,6 @@ void HeavyIslandSolver::find_own_lanes(const Step& step, const Member& member) {
     }
 }
 
-// Bodies with joints that move have a solver of their own.
 void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, const Member& member) {
   const BatchPoints& points = step.points;
   const MemberData& own = members_[member.index];
@@ -377,14 +376,16 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
   for (int row = own_rows.begin; row < own_rows.end; ++row)
     if (is_fast(step.velocity[row])) mark(row, kUnsteady);
   if (!member.is_caller()) return;
-  for (const BodyLink& link : step.bodies.links)
-    for (const std::int32_t body : {link.a, link.b})
-      if (!link.is_rigid && body >= 0 && step.bodies.is_active(body))
+  const std::vector<BodyLink>& links = step.bodies.links;
+  for (std::size_t k = 0; k < links.size(); ++k)
+    for (const std::int32_t body : {links[k].a, links[k].b})
+      if (!links[k].is_rigid && body >= 0 && step.bodies.is_active(body) &&
+          step.joints.is_in_loop(static_cast<std::int32_t>(k)))
         mark(step.partition.row(body), kExcluded);
 }
 
 void HeavyIslandSolver::number_islands(const Step& step) {
-  const auto& [graph, bodies, partition, points, velocity, supports, gravity, h_s] = step;
+  const auto& [graph, bodies, partition, points, velocity, supports, joints, gravity, h_s] = step;
   islands_.clear();
   const auto is_direct = [this](std::int32_t root) {
     const std::uint8_t flags = flags_[root];
@@ -547,28 +548,30 @@ void HeavyIslandSolver::collect_patches(std::span<SupportPatches> supports) {
   }
 }
 
-void HeavyIslandSolver::collect_welds(const Step& step) {
+void HeavyIslandSolver::collect_joints(const Step& step) {
   const auto row_of = [&](std::int32_t body) {
     return body >= 0 && step.bodies.is_active(body) ? step.partition.row(body) : -1;
   };
-  const auto for_each_weld = [&](auto each) {
+  const auto for_each_joint = [&](auto each) {
     for (std::size_t k = 0; k < step.bodies.links.size(); ++k) {
       const BodyLink& link = step.bodies.links[k];
-      Weld w{.joint = static_cast<std::int32_t>(k), .row = {row_of(link.a), row_of(link.b)}, .part = {}};
-      const std::int32_t row = w.row[0] >= 0 ? w.row[0] : w.row[1];
+      JointSprings j{
+          .joint = static_cast<std::int32_t>(k), .row = {row_of(link.a), row_of(link.b)}, .part = {}};
+      const std::int32_t row = j.row[0] >= 0 ? j.row[0] : j.row[1];
       if (row < 0 || body_of_row_[row] < 0) continue;
-      for (Springs& s : w.part)
-        for (int side = 0; side < 2; ++side) s.body[side] = w.row[side] >= 0 ? body_of_row_[w.row[side]] : -1;
-      each(w, islands_[island_of_row_[row]]);
+      for (Springs& s : j.part)
+        for (int side = 0; side < 2; ++side) s.body[side] = j.row[side] >= 0 ? body_of_row_[j.row[side]] : -1;
+      each(j, islands_[island_of_row_[row]]);
     }
   };
-  for (Island& island : islands_) island.weld_count = 0;
+  for (Island& island : islands_) island.joint_count = 0;
   std::int32_t count = 0;
-  for_each_weld([&](const Weld&, Island& island) { ++island.weld_count, ++count; });
-  welds_.resize(count);
+  for_each_joint([&](const JointSprings&, Island& island) { ++island.joint_count, ++count; });
+  joints_.resize(count);
   count = 0;
-  for (Island& island : islands_) island.first_weld = count, count += std::exchange(island.weld_count, 0);
-  for_each_weld([&](const Weld& w, Island& island) { welds_[island.first_weld + island.weld_count++] = w; });
+  for (Island& island : islands_) island.first_joint = count, count += std::exchange(island.joint_count, 0);
+  for_each_joint(
+      [&](const JointSprings& j, Island& island) { joints_[island.first_joint + island.joint_count++] = j; });
 }
 
 // Shares of about equal work.

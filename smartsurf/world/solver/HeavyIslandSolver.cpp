@@ -19,8 +19,6 @@ constexpr double kSteadyShare = 0.8;
 constexpr int kMaxPasses = 12, kMaxSwitches = 48;
 // Of pressed islands: a point that slips has at least this share of the friction that its load allows.
 constexpr double kSlippingShare = 0.9;
-// Compliance of a fixed joint, relative to what its two bodies give way by.
-constexpr double kWeldCompliance = 1e-8;
 // A patch of which samples slip sticks as a whole while its friction is below this share of its limit.
 constexpr double kHolding = 0.5;
 
@@ -173,27 +171,61 @@ void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
   }
 }
 
-// Keeps the speeds along its rows that the joints' solver has found.
-void HeavyIslandSolver::set_up(Weld& w, const SolverBodies& rows, const Substep& substep) {
-  const JointSolver::Weld weld = substep.joints.weld(w.joint);
+// Rigid rows keep the speeds that the joints' solver has found.
+void HeavyIslandSolver::set_up(JointSprings& j, const SolverBodies& rows, const Substep& substep) {
+  const JointSolver::RowSprings springs = substep.joints.springs_of(j.joint, !substep.is_soft);
+  double speed = 0.0;
   for (int part = 0; part < 2; ++part)
     for (int k = 0; k < 3; ++k) {
       const int r = 3 * part + k;
-      Spring& s = w.part[part].spring[k];
-      double speed = 0.0;
+      Spring& s = j.part[part].spring[k];
+      speed = 0.0;
       for (int side = 0; side < 2; ++side) {
-        double(&axis)[6] = w.part[part].jacobian[side][k];
-        for (int i = 0; i < 6; ++i) axis[i] = (*weld.jacobian[side])(r, i);
-        if (w.row[side] < 0) continue;
-        const BodyVelocity& m = rows.velocity[w.row[side]];
+        double(&axis)[6] = j.part[part].jacobian[side][k];
+        for (int i = 0; i < 6; ++i) axis[i] = (*springs.jacobian[side])(r, i);
+        if (j.row[side] < 0) continue;
+        const BodyVelocity& m = rows.velocity[j.row[side]];
         for (int i = 0; i < 3; ++i)
           speed += axis[i] * static_cast<double>(m.velocity[i]) +
                    axis[3 + i] * static_cast<double>(m.angular_velocity[i]);
       }
-      s.stiffness = 1.0 / (kWeldCompliance * (*weld.response)[r]);
-      s.error = (substep.is_soft ? (*weld.end_speeds)[r] : 0.0) - speed;
+      s.stiffness = springs.stiffness[r];
+      s.error = springs.speed[r] - speed;
       s.change = 0.0;
     }
+  j.law = springs.law, j.constant = 0.0;
+  if (j.law == nullptr) return;
+  j.held_stiffness = j.axis().stiffness, j.impulse = springs.impulse, j.speed = speed;
+  j.set_segment(springs.segment);
+}
+
+void HeavyIslandSolver::JointSprings::set_segment(int next) {
+  segment = next;
+  Spring& s = axis();
+  const bool is_held = AxisLaw::is_held(next);
+  const double lacks = is_held ? 0.0 : law->offset(next) - impulse;
+  s.stiffness = is_held ? held_stiffness : law->slope();
+  constant = s.stiffness > 0.0 ? 0.0 : lacks;
+  s.error = (is_held ? law->held_speed(next) : s.stiffness > 0.0 ? lacks / s.stiffness : 0.0) - speed;
+}
+
+double HeavyIslandSolver::JointSprings::axis_speed(const double* changes) const {
+  return speed + axis().error - part[1].lacking_speed(2, changes);
+}
+
+bool HeavyIslandSolver::JointSprings::follow(const double* changes, bool may_switch, BlockCholesky& matrix) {
+  constexpr double kTolerance_ups = 1e-6;
+  for (Springs& s : part)
+    for (int k = 0; k < 3; ++k) s.spring[k].change = s.spring[k].stiffness * s.lacking_speed(k, changes);
+  if (law == nullptr) return false;
+  axis().change += constant;
+  if (!may_switch) return false;
+  const int next = law->next_segment(segment, axis_speed(changes), impulse + axis().change, kTolerance_ups,
+                                     JointSolver::RowSprings::kCompliance * held_stiffness * kTolerance_ups);
+  if (next == segment) return false;
+  part[1].update({true, true, false}, matrix);
+  set_segment(next);
+  return true;
 }
 
 double HeavyIslandSolver::PatchFriction::load(std::span<const Point> island,
@@ -267,8 +299,8 @@ void HeavyIslandSolver::prepare_island(const Island& island, const BatchPoints& 
     set_axes(p, points, rows, island);
     if (p.body[0] >= 0 && p.body[1] >= 0) bodies.connect(p.body[0], p.body[1]);
   }
-  for (const Weld& w : std::span(welds_).subspan(island.first_weld, island.weld_count))
-    if (w.row[0] >= 0 && w.row[1] >= 0) bodies.connect(w.part[0].body[0], w.part[0].body[1]);
+  for (const JointSprings& j : std::span(joints_).subspan(island.first_joint, island.joint_count))
+    if (j.row[0] >= 0 && j.row[1] >= 0) bodies.connect(j.part[0].body[0], j.part[0].body[1]);
   bodies.analyse();
   for (int i = 0; i < island.body_count; ++i) {
     const std::int32_t row = rows_[island.first_body + i];
@@ -303,9 +335,9 @@ void HeavyIslandSolver::set_up(const IslandContacts& of, const BatchPoints& poin
                (f.patch->is_lumped || ((f.patch->may_lump() || f.patch->is_elastic) && holds()));
     if (f.sticks) f.update({true, true, true}, matrix);
   }
-  for (Weld& w : of.welds) {
-    set_up(w, rows, substep);
-    for (Springs& s : w.part) {
+  for (JointSprings& j : of.joints) {
+    set_up(j, rows, substep);
+    for (Springs& s : j.part) {
       std::fill_n(s.in_matrix, 3, false);
       s.update({true, true, true}, matrix);
     }
@@ -331,8 +363,11 @@ void HeavyIslandSolver::assemble(const IslandContacts& of, BlockCholesky& matrix
   };
   for (const PatchFriction& f : of.patches)
     if (f.sticks) add_forces(f);
-  for (const Weld& w : of.welds)
-    for (const Springs& s : w.part) add_forces(s);
+  for (JointSprings& j : of.joints) {
+    j.part[1].update({true, true, true}, matrix);
+    for (const Springs& s : j.part) add_forces(s);
+    j.part[1].add_force({0.0, 0.0, j.constant}, b);
+  }
 }
 
 bool HeavyIslandSolver::Point::follow(const double* changes, double friction_coefficient, bool may_switch) {
@@ -425,8 +460,8 @@ void HeavyIslandSolver::ElasticPatch::apply(const MemberData& data, const double
   support::apply_wrench(Vector3(p.spring_wrench) - last_wrench, m, rows.inverse_inertia[p.row]);
 }
 
-void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& points, const SolverBodies& rows,
-                              const Substep& substep) {
+void HeavyIslandSolver::apply(const IslandContacts& of, const double* changes, const BatchPoints& points,
+                              const SolverBodies& rows, const Substep& substep) {
   const bool is_soft = substep.is_soft;
   const auto move = [&](const Springs& s, int k, std::int32_t row, int side, BodyVelocity* velocity) {
     BodyVelocity& m = velocity[row];
@@ -466,16 +501,16 @@ void HeavyIslandSolver::apply(const IslandContacts& of, const BatchPoints& point
     if (f.patch->is_elastic) spread_friction(f.list->samples, *f.patch);
   }
   // The next substep repeats what contacts add to the start velocity, not what joints do.
-  for (const Weld& w : of.welds) {
+  for (const JointSprings& j : of.joints) {
     JointEquations::Vector6 impulse;
     for (int r = 0; r < 6; ++r) {
-      const Springs& s = w.part[r / 3];
+      const Springs& s = j.part[r / 3];
       impulse[r] = s.spring[r % 3].change;
       for (int side = 0; side < 2; ++side)
         for (BodyVelocity* const velocity : {rows.velocity, substep.start_velocity})
-          if (w.row[side] >= 0) move(s, r % 3, w.row[side], side, velocity);
+          if (j.row[side] >= 0) move(s, r % 3, j.row[side], side, velocity);
     }
-    substep.joints.add_impulse(w.joint, impulse, !is_soft);
+    substep.joints.add_impulse(j.joint, impulse, j.segment, j.axis_speed(changes), !is_soft);
   }
 }
 
@@ -504,8 +539,7 @@ bool HeavyIslandSolver::find_changes(const Island& island, const IslandContacts&
     for (const ElasticPatch& e : elastic) changed |= e.follow(data, b);
     for (PatchFriction& f : of.patches)
       if (f.sticks) follow(f);
-    for (Weld& w : of.welds)
-      for (Springs& s : w.part) follow(s);
+    for (JointSprings& j : of.joints) changed |= j.follow(b, pass < kMaxPasses, matrix);
   }
   return !changed && std::ranges::none_of(of.points, [&](Point& p) {
     return p.normal().impulse + p.normal().change > island.greatest_impulse;
@@ -534,7 +568,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
                                      const BlockCholesky& bodies, MemberData& data) {
   const IslandContacts of{std::span(points_).subspan(island.first_point, island.point_count),
                           std::span(patches_).subspan(island.first_patch, island.patch_count),
-                          std::span(welds_).subspan(island.first_weld, island.weld_count)};
+                          std::span(joints_).subspan(island.first_joint, island.joint_count)};
   const auto elastic = std::span(elastic_patches_).subspan(island.first_elastic, island.elastic_count);
   const auto find = [&](bool with_friction) {
     data.matrix = bodies;
@@ -544,7 +578,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
     return find_changes(island, of, points, with_friction, data);
   };
   const auto take = [&] {
-    apply(of, points, rows, substep);
+    apply(of, data.right_side, points, rows, substep);
     for (const ElasticPatch& e : elastic) e.apply(data, data.right_side, rows, substep.is_soft);
   };
   exchange_impulses(of.points, points, rows);
@@ -557,7 +591,7 @@ void HeavyIslandSolver::solve_island(const Island& island, const BatchPoints& po
   }
   // Contacts take energy away. Where slip turns with the load, the set may be a wrong one that adds some:
   // then normal impulses alone, which are a projection, and at last less of all.
-  const bool is_passive = island.is_pressed && island.is_passive && island.weld_count == 0 &&
+  const bool is_passive = island.is_pressed && island.is_passive && island.joint_count == 0 &&
                           island.elastic_count == 0 && !substep.is_soft;
   if (is_passive && is_solved && energy_of_contacts(island, rows, substep).grows() && find(false)) take();
   if (is_passive) {

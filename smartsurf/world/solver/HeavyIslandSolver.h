@@ -6,7 +6,7 @@
 // sinks into a table on four legs of a kilogram, and a corbel falls. In such islands the normal impulses are
 // solved at once after each sweep: the velocity changes of all bodies, with the contacts as springs in series
 // with the rigid bodies, and the set of contacts that bear, and of those that stick, by iteration (an active
-// set). The springs of elastic tops, and fixed joints, hard springs that bear in any direction, are solved
+// set). The springs of elastic tops, and joints, as hard springs along the rows that they hold, are solved
 // with them.
 #pragma once
 
@@ -54,6 +54,7 @@ class HeavyIslandSolver {
     BatchPoints points;
     const BodyVelocity* velocity;
     std::span<SupportPatches> supports;
+    const JointSolver& joints;
     Vec3 gravity;
     float h_s;
   };
@@ -154,10 +155,22 @@ class HeavyIslandSolver {
     // The squared ratio of its friction to the greatest that the load allows, which is an ellipsoid.
     double limit_share(double load) const;
   };
-  // A fixed joint: its forces and its torques.
-  struct Weld {
+  // A joint: its first three rows and its last ones, of which the very last is the axis, if it has a law.
+  struct JointSprings {
     std::int32_t joint, row[2];  // −1: does not move
     Springs part[2];
+    const AxisLaw* law = nullptr;
+    int segment = 0;
+    // Of the axis: where it is held; before the direct solution; that it exerts if no spring acts on it.
+    double held_stiffness = 0.0, impulse = 0.0, speed = 0.0, constant = 0.0;
+
+    Spring& axis() { return part[1].spring[2]; }
+    const Spring& axis() const { return part[1].spring[2]; }
+    void set_segment(int next);
+    double axis_speed(const double* changes) const;
+    // Takes the impulses that follow from velocity changes of the bodies; true if the axis now is in another
+    // segment.
+    bool follow(const double* changes, bool may_switch, BlockCholesky& matrix);
   };
   // A support patch on elastic tops, whose loads are springs along the vertical.
   struct ElasticPatch {
@@ -180,7 +193,7 @@ class HeavyIslandSolver {
     int min_bodies;  // smaller ones are left to the sweeps
     std::int32_t body_count = 0, first_body = 0, first_lane = 0, lane_count = 0, first_point = 0,
                  point_count = 0, first_patch = 0, patch_count = 0, first_elastic = 0, elastic_count = 0,
-                 first_weld = 0, weld_count = 0;
+                 first_joint = 0, joint_count = 0;
     double greatest_impulse = 0.0;  // of a contact, mass·u/s in a substep
     bool is_pressed = false;        // a light body bears a heavy one
     bool is_passive = true;         // nothing that moves of itself or by a joint touches it
@@ -202,13 +215,13 @@ class HeavyIslandSolver {
   void order_lanes(const Step&);
   void collect_points(const Step&, Island&);
   void collect_patches(std::span<SupportPatches>);
-  void collect_welds(const Step&);
+  void collect_joints(const Step&);
   void share_islands();
   IndexRange share_of(int member) const { return {share_begin_[member], share_begin_[member + 1]}; }
   struct IslandContacts {
     std::span<Point> points;
     std::span<PatchFriction> patches;
-    std::span<Weld> welds;
+    std::span<JointSprings> joints;
   };
   void prepare_island(const Island&, const BatchPoints&, const SolverBodies&, BlockCholesky& bodies);
   void solve_island(const Island&, const BatchPoints&, const SolverBodies&, const Substep&,
@@ -235,10 +248,11 @@ class HeavyIslandSolver {
                      const Island&, bool with_friction, BlockCholesky&);
   static void set_stiffness(Point&, const BatchPoints&, const SubstepParams&, double blow);
   static void set_up(PatchFriction&, const SolverBodies&);
-  static void set_up(Weld&, const SolverBodies&, const Substep&);
+  static void set_up(JointSprings&, const SolverBodies&, const Substep&);
   // The equations of what bears and sticks now.
   static void assemble(const IslandContacts&, BlockCholesky&, std::span<double> right_side);
-  static void apply(const IslandContacts&, const BatchPoints&, const SolverBodies&, const Substep&);
+  static void apply(const IslandContacts&, const double* changes, const BatchPoints&, const SolverBodies&,
+                    const Substep&);
 
   std::vector<MemberData> members_;
   std::vector<std::uint8_t> bearing_lanes_;        // by batch; bit i: a point of lane i bears or touches
@@ -257,7 +271,7 @@ class HeavyIslandSolver {
   std::vector<Point> points_;       // of each island as many as its lanes may have, some of them unused
   std::vector<PatchFriction> patches_;
   std::vector<ElasticPatch> elastic_patches_;
-  std::vector<Weld> welds_;
+  std::vector<JointSprings> joints_;
   std::vector<char> is_solved_;          // by row
   std::vector<BlockCholesky> matrices_;  // by island, without springs; more remain of earlier steps
 };

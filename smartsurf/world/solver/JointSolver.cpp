@@ -17,9 +17,9 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// A part of a substep is halved, down to kMinPart of the substep, when the joints change how far a body
-// turns in it by more than kMaxTurnChange_rad, or when a body turns by more than kMaxUnsolvedTurn_rad and a
-// speed is off by more than kMaxResidual_ups: the whip of a chain's end.
+// A part of a substep is halved, down to kMinPart of the substep, when joints and contacts change how far a
+// body turns in it by more than kMaxTurnChange_rad, or when a body turns by more than kMaxUnsolvedTurn_rad
+// and a speed is off by more than kMaxResidual_ups: the whip of a chain's end.
 constexpr double kMaxTurnChange_rad = 0.003, kMaxUnsolvedTurn_rad = 0.05, kMaxResidual_ups = 1e-6,
                  kMinPart = 1.0 / 64;
 // Rounds of Newton's method in a stage; the first kFreeRounds may change the segments of all axes, later ones
@@ -411,6 +411,9 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
     const Vec3d torque = bodies.wrench[b.body].torque.cast<double>();
     b.momentum += h_s * (torque - b.row_frame * torque);
     b.angular_velocity = b.inverse_inertia * b.momentum;
+    const Vec3 by_contacts =
+        Vec3(rows.velocity[b.row].angular_velocity) - Vec3(rows.start_velocity[b.row].angular_velocity);
+    b.contact_momentum = b.row_frame * (b.start_inertia * by_contacts.cast<double>());
   });
   for (TreeState& s : states_of(trees)) {
     s.time_left_s = s.h_s = h_s;
@@ -441,6 +444,9 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
     for_each_selected(trees, [&](Joint& j, Block& block, double) {
       if (j.has_spring) block.speed_before = speeds(block)[kAxis];
     });
+    for (int t = trees.begin; t < trees.end; ++t)
+      for (const std::int32_t i : bodies_of(equations_.trees()[t]))
+        if (tree_states_[t].is_selected()) bodies_[i].contact_momentum.setZero();
     for (TreeState& s : states_of(trees)) {
       if (!s.is_selected()) continue;
       s.time_left_s -= s.h_s;
@@ -458,7 +464,8 @@ bool JointSolver::is_too_long(const JointEquations::Tree& tree, const TreeState&
   for (const std::int32_t i : bodies_of(tree)) {
     const Body& b = bodies_[i];
     spin = std::max(spin, b.angular_velocity.norm());
-    change = std::max(change, (b.inverse_inertia * (b.momentum - b.kept_momentum)).norm());
+    const Vec3d gained = b.momentum - b.kept_momentum + b.contact_momentum;
+    change = std::max(change, (b.inverse_inertia * gained).norm());
   }
   return change * s.h_s > kMaxTurnChange_rad ||
          (s.residual > kMaxResidual_ups && spin * s.h_s > kMaxUnsolvedTurn_rad);
@@ -568,18 +575,42 @@ void JointSolver::relax_part(IndexRange trees) {
   add_efforts(trees, 1.0);
 }
 
-void JointSolver::add_impulse(std::int32_t joint, const RowVector& impulse, bool is_relaxing) {
+JointSolver::RowSprings JointSolver::springs_of(std::int32_t joint, bool is_relaxing) const {
+  const Joint& j = joints_[joint];
+  const Block& b = blocks_[joint];
+  RowSprings s{.jacobian = {&b.jacobian_a, &b.jacobian_b},
+               .stiffness = RowVector::Zero(),
+               .speed = is_relaxing ? RowVector(RowVector::Zero()) : b.end_speeds,
+               .law = j.has_coordinate() ? &b.law : nullptr,
+               .segment = b.segment,
+               .impulse = b.impulse[kAxis]};
+  for (int r = 0; r < kRows; ++r)
+    if (r < b.rigid_rows || (r == kAxis && s.law != nullptr))
+      s.stiffness[r] = 1.0 / (RowSprings::kCompliance * b.response[r]);
+  return s;
+}
+
+void JointSolver::add_impulse(std::int32_t joint, const RowVector& impulse, int segment, double axis_speed,
+                              bool is_relaxing) {
+  Joint& j = joints_[joint];
   Block& block = blocks_[joint];
   block.impulse += impulse;
-  if (is_relaxing) joints_[joint].force_impulse += block.jacobian_a.leftCols<3>().transpose() * impulse;
+  if (is_relaxing) add_effort(j, block, impulse);
+  if (!j.has_coordinate()) return;
+  block.segment = segment;
+  note_segment(j, block);
+  if (!is_relaxing) block.spring_impulse = block.law.impulse_without_steps(axis_speed);
+}
+
+void JointSolver::add_effort(Joint& j, const Block& block, const RowVector& impulse) {
+  const int n = block.rigid_rows;
+  j.force_impulse += block.jacobian_a.topLeftCorner(n, 3).transpose() * impulse.head(n);
+  if (j.has_coordinate()) j.effort_impulse += impulse[kAxis];
 }
 
 void JointSolver::add_efforts(IndexRange trees, double sign) {
-  for_each_selected(trees, [&](Joint& j, Block& block, double) {
-    for (int r = 0; r < block.rigid_rows; ++r)
-      j.force_impulse += sign * block.impulse[r] * block.jacobian_a.row(r).head<3>().transpose();
-    if (j.has_coordinate()) j.effort_impulse += sign * block.impulse[kAxis];
-  });
+  for_each_selected(trees,
+                    [&](Joint& j, Block& block, double) { add_effort(j, block, sign * block.impulse); });
 }
 
 void JointSolver::select_touched(std::span<const char> touched_rows) {
@@ -638,7 +669,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
     }
   }
   for_each_selected(trees, [](Joint& j, const Block& block, double) {
-    if (j.has_coordinate()) j.held_by = AxisLaw::is_held(block.segment) ? block.law.causes(block.segment) : 0;
+    if (j.has_coordinate()) note_segment(j, block);
   });
   return any_off;
 }

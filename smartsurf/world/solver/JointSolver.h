@@ -80,20 +80,29 @@ class JointSolver {
   void select_touched(std::span<const char> touched_rows);
   bool solve_again(const Rows&, double tolerance);
   bool relax_again(const Rows&, double tolerance);
-  // ---- for the solver of an island with fixed joints; threads may call these at once for different trees
+  // ---- for the solver of an island with joints; threads may call these at once for different trees
   // The rows of a joint with an active body, by its index among the joints, which is that of its link. The
   // speed along a row is jacobian[0]·(v, ω of a) + jacobian[1]·(v, ω of b).
-  struct Weld {
+  struct RowSprings {
+    static constexpr double kCompliance = 1e-8;  // of a held row, relative to what the bodies give way by
+
     std::array<const JointEquations::Matrix6*, 2> jacobian;
-    const JointEquations::Vector6* response;    // change of each row's speed by a unit impulse along it
-    const JointEquations::Vector6* end_speeds;  // with which solve() ends
+    JointEquations::Vector6 stiffness;  // of a row that is held, impulse per speed; 0: no such row
+    JointEquations::Vector6 speed;      // with which solve() or relax() has left the rigid rows
+    const AxisLaw* law;                 // of the axis, the last row, with its segment and impulse; or null
+    int segment;
+    double impulse;
   };
-  Weld weld(std::int32_t joint) const {
+  // Whether the joint's tree has a loop, whose rows may depend on each other.
+  bool is_in_loop(std::int32_t joint) const {
     const Block& b = blocks_[joint];
-    return {{&b.jacobian_a, &b.jacobian_b}, &b.response, &b.end_speeds};
+    return equations_.trees()[std::max(bodies_[b.a].tree, bodies_[b.b].tree)].has_loop;
   }
-  // Notes an impulse that the solver has exerted along the rows, in the stage of solve() or relax().
-  void add_impulse(std::int32_t joint, const JointEquations::Vector6& impulse, bool is_relaxing);
+  RowSprings springs_of(std::int32_t joint, bool is_relaxing) const;
+  // Notes an impulse that the solver has exerted along the rows, in the stage of solve() or relax(), and the
+  // segment of the axis and its speed after it.
+  void add_impulse(std::int32_t joint, const JointEquations::Vector6& impulse, int segment, double axis_speed,
+                   bool is_relaxing);
   // ---- for impacts, after the last substep; on one thread
   // An impulse on a point of a body, at `anchor` from its centre of mass, mass·u/s.
   struct Blow {
@@ -181,6 +190,7 @@ class JointSolver {
     PrincipalInertia principal;
     Vec3d momentum{0, 0, 0};             // angular
     Vec3d kept_velocity, kept_momentum;  // as they were at the beginning of the part
+    Vec3d contact_momentum{0, 0, 0};     // of which the contacts of the last substep gave, in advance
 
     void keep() { kept_velocity = velocity, kept_momentum = momentum; }
     void restore() {
@@ -310,6 +320,10 @@ class JointSolver {
   // more.
   bool solve_trees(Stage, IndexRange trees, double tolerance = -1.0);
   void note_springs(IndexRange trees);
+  static void add_effort(Joint&, const Block&, const RowVector& impulse);
+  static void note_segment(Joint& j, const Block& block) {
+    j.held_by = AxisLaw::is_held(block.segment) ? block.law.causes(block.segment) : 0;
+  }
   void add_efforts(IndexRange trees, double sign);
   IndexRange all_trees() const { return {0, static_cast<int>(tree_states_.size())}; }
   void set_leads(Stage, IndexRange trees);

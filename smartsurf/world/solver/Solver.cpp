@@ -134,6 +134,7 @@ void Solver::prepare_step(StepContext& context, const Member& member) {
                                            .points = batch_points(),
                                            .velocity = velocity_.data(),
                                            .supports = context.input.supports,
+                                           .joints = context.input.joints,
                                            .gravity = settings_.gravity,
                                            .h_s = h_s_};
   if (member.member_count > 1) shared_batches_.clear_marks(context.own_rows);
