@@ -122,12 +122,11 @@ class ImpactSolver {
   // list, several members write to neighbours. What a sweep reads of a point that it leaves alone comes
   // first.
   struct alignas(64) Point {
-    explicit Point(const Sides& sides)
-        : velocity_a(sides.velocity_a),
-          velocity_b(sides.velocity_b),
-          anchor_a(to_row(sides.anchor_a)),
-          anchor_b(to_row(sides.anchor_b)),
-          surface_velocity(to_row(sides.surface_velocity)) {}
+    Point(BodyVelocity* of_a, BodyVelocity* of_b) : velocity_a(of_a), velocity_b(of_b) {}
+    explicit Point(const Sides& sides) : Point(sides.velocity_a, sides.velocity_b) {
+      anchor_a = to_row(sides.anchor_a), anchor_b = to_row(sides.anchor_b);
+      surface_velocity = to_row(sides.surface_velocity);
+    }
 
     RowState *state_a, *state_b;
     std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
@@ -145,6 +144,9 @@ class ImpactSolver {
     std::int32_t first_response = 0, response_count = 0;
     std::int32_t a, b;          // bodies; b = −1: static
     std::int32_t row_a, row_b;  // of a and b
+    // Or a joint at a limit, in stops_: without friction, with the turns for anchors and the linear part for
+    // the normal.
+    std::int32_t stop = -1;
     Contact* contact;
     Vec3 velocity_before;
     float energy_budget;  // what the contact lost in the substeps
@@ -154,10 +156,23 @@ class ImpactSolver {
       const Float4 v = of_point(*velocity_a, anchor_a);
       return v - (velocity_b == nullptr ? surface_velocity : of_point(*velocity_b, anchor_b));
     }
+    float normal_speed() const {
+      if (stop < 0) [[likely]]
+        return dot(axis[0], velocity());
+      return of_stop(*velocity_a, anchor_a) - (velocity_b == nullptr ? 0.0F : of_stop(*velocity_b, anchor_b));
+    }
+    Vec3 velocity_along_axes() const {
+      if (stop >= 0) return {normal_speed(), 0.0F, 0.0F};
+      const Float4 v = velocity();
+      return {dot(axis[0], v), dot(axis[1], v), dot(axis[2], v)};
+    }
 
    private:
     static Float4 of_point(const BodyVelocity& v, const Float4& anchor) {
       return load4(v.velocity) + cross(load4(v.angular_velocity), anchor);
+    }
+    float of_stop(const BodyVelocity& v, const Float4& turn) const {
+      return dot(axis[0], load4(v.velocity)) + dot(turn, load4(v.angular_velocity));
     }
   };
   struct Approaching {
@@ -269,6 +284,10 @@ class ImpactSolver {
     if (p.b >= 0) each(p.b, p.row_b);
     for (const Response& r : responses_of(p)) each(r.body, r.row);
   }
+  void add_stops(const Step&);
+  Point make_stop(const Step&, const JointSolver::Stop&);
+  void add_response_of_stop(const Step&, Point&);
+  void take_row_changes(const Step&, Point&, int axis);
   void add_blows_to_joints(const Step&);
   void solve_points(Island&, Sweeper&);
   bool solve_normals(const Island&, Sweeper&, int max_sweeps, int first_number);
@@ -318,7 +337,9 @@ class ImpactSolver {
   std::vector<Point> points_;
   std::vector<Response> responses_;                  // of points of bodies with joints
   std::vector<JointSolver::RowChange> row_changes_;  // of one of these
-  std::vector<char> is_point_[2];                    // by contact: static ones, those of pairs
+  std::vector<JointSolver::Stop> stops_, found_stops_;
+  std::vector<std::int32_t> struck_trees_;
+  std::vector<char> is_point_[2];  // by contact: static ones, those of pairs
   // Indexed by body; valid for the bodies of points_.
   std::vector<std::int32_t> island_;
   std::vector<IslandEnergy> energy_;

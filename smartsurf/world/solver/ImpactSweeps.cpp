@@ -340,8 +340,7 @@ float ImpactSolver::sweep(const Island& island, Sweeper& by, bool is_backward, i
 }
 
 float ImpactSolver::solve_normal(Point& p, const Visit& visit) {
-  const float wanted =
-      law::normal_impulse(p.impulse[0], p.normal_mass, dot(p.axis[0], p.velocity()), p.target_speed);
+  const float wanted = law::normal_impulse(p.impulse[0], p.normal_mass, p.normal_speed(), p.target_speed);
   const float change = std::min(wanted, std::max(p.max_impulse, 0.0F)) - p.impulse[0];
   apply_impulse(p, 0, change);
   const float relative_change = count_change(p, change, visit);
@@ -389,8 +388,7 @@ void ImpactSolver::limit_energy() {
     return energy_[find_root(island_, a_moves || p.b < 0 ? p.a : p.b)];
   };
   for (const Point& p : points_) {
-    const Float4 v = p.velocity();
-    const Vec3 after(dot(p.axis[0], v), dot(p.axis[1], v), dot(p.axis[2], v));
+    const Vec3 after = p.velocity_along_axes();
     IslandEnergy& energy = energy_of(p);
     energy.linear += p.impulse.dot(p.velocity_before);
     energy.quadratic += p.impulse.dot(after - p.velocity_before);

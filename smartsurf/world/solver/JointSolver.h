@@ -104,10 +104,17 @@ class JointSolver {
   void add_impulse(std::int32_t joint, const JointEquations::Vector6& impulse, int segment, double axis_speed,
                    bool is_relaxing);
   // ---- for impacts, after the last substep; on one thread
-  // An impulse on a point of a body, at `anchor` from its centre of mass, mass·u/s.
+  // An impulse on a body, mass·u/s, and its moment about the centre of mass, mass·u²/s.
   struct Blow {
     std::int32_t body;
-    Vec3 impulse, anchor;
+    Eigen::Vector3d impulse, moment;
+  };
+  // A joint at the nearer of its limits, from which it moves at the speed linear·(v of a − v of b) +
+  // turn_a·(ω of a) − turn_b·(ω of b), of the rows.
+  struct Stop {
+    std::int32_t joint, tree, a, b;  // bodies; b = −1: cannot move
+    Vec3 linear, turn_a, turn_b;
+    float room;  // to the limit, u or rad
   };
   // What blows change of a body's row.
   struct RowChange {
@@ -116,12 +123,20 @@ class JointSolver {
   };
   // The tree of an active body whose joints move; −1 for other bodies.
   std::int32_t tree_of_moving(std::int32_t body) const;
+  // The blow of an impulse at `anchor` from the centre of mass of a body with joints that move, as the rows
+  // have it.
+  Blow blow_at(std::int32_t body, const Vec3& anchor, const Vec3& impulse) const;
+  std::span<const Blow> blows_of(const Stop&, float impulse);  // until the next call
+  // Appends the tree's joints with limits.
+  void find_stops(std::int32_t tree, std::vector<Stop>& stops) const;
   // Appends how the tree's active bodies respond to blows to some of them, with rigid joints. Axes are free
   // but for those that are locked: efforts of springs, motors and friction are too small to matter in an
-  // instant, and limits act in the next substep.
+  // instant, and limits are stops.
   void respond(std::int32_t tree, std::span<const Blow> blows, std::vector<RowChange>& changes);
-  // Adds the impulses with which the joints pass the blows on to what state() gives.
+  // Adds the impulses with which the joints pass the blows on to what state() gives, and the impulse of a
+  // stop.
   void add_blows(std::int32_t tree, std::span<const Blow> blows);
+  void add_stop(const Stop&, float impulse);
   // Calls visit(body) for the active bodies with joints.
   template <class Visit>
   void for_each_jointed(Visit visit) const {
@@ -272,6 +287,10 @@ class JointSolver {
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b, double turn = 0.0);
   // Distance to the nearer limit; negative beyond it.
   static double room_of(const Joint& j) { return std::min(j.coordinate - j.lower, j.upper - j.coordinate); }
+  // That in which the coordinate leaves its nearer limit.
+  static double way_off_limit(const Joint& j) {
+    return j.coordinate - j.lower < j.upper - j.coordinate ? 1.0 : -1.0;
+  }
   static Pose pose_of(const BodyStore&, std::int32_t body);
   std::span<const std::int32_t> joints_of(const JointEquations::Tree& t) const {
     return equations_.tree_joints().subspan(t.first_joint, t.joint_count);
@@ -349,6 +368,7 @@ class JointSolver {
   std::vector<Pose> path_;  // at the ends of the substeps, each with an entry for every body
   std::vector<Block> blocks_;
   std::vector<TreeState> tree_states_;
+  std::vector<Blow> blows_;  // of a stop
   // By tree, and one more at the end: the number of joints that move in the trees before it.
   std::vector<std::int32_t> active_joints_before_;
 };
