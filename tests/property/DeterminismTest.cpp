@@ -105,12 +105,33 @@ std::uint64_t hash_of_mechanisms(int threads) {
   });
   return fixture.snapshot().state_hash;
 }
+
+// Jointed pairs of boxes that slide on level pins, where their support patches share batches.
+std::uint64_t hash_of_sliding_pairs(int threads) {
+  using smartsurf::scene::JointKind;
+  PhysicsFixture fixture;
+  fixture.threads = threads;
+  fixture.scene.world.dt_s = 1.0 / 60;
+  for (int i = 0; i < 160; ++i) {
+    const Eigen::Vector3d at(2.0 + (i % 8) * 3.8, 1.5 + (i / 8) * 1.5, 0.41);
+    auto first = box({1.6, 1.2, 0.8}, at), second = box({1.6, 1.2, 0.8}, at + Eigen::Vector3d(1.8, 0, 0));
+    first.velocity = {0.5 * std::sin(i), 2.0 * std::cos(i), 0};
+    fixture.world().add_joint({.kind = static_cast<JointKind>(i % 4),
+                               .a = fixture.add(first),
+                               .b = fixture.add(second),
+                               .anchor = at + Eigen::Vector3d(0.9, 0, 0)});
+  }
+  fixture.run(0.5);
+  return fixture.snapshot().state_hash;
+}
 }  // namespace
 
 TEST(Determinism, BitIdenticalForAnyThreadCount) {
   const std::uint64_t single_threaded = hash_of_crowd(1);
   for (const int threads : {2, 3, 8}) EXPECT_EQ(hash_of_crowd(threads), single_threaded) << threads;
   EXPECT_EQ(hash_of_mechanisms(3), hash_of_mechanisms(1));
+  for (const int threads : {2, 3})
+    EXPECT_EQ(hash_of_sliding_pairs(threads), hash_of_sliding_pairs(1)) << threads;
   RecordProperty("state_hash", std::to_string(single_threaded));
 }
 

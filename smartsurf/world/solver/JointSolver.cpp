@@ -180,7 +180,6 @@ void JointSolver::load_velocities(const Rows& rows, IndexRange trees) {
 void JointSolver::store_velocities(const Rows& rows, IndexRange trees) {
   for_each_body(trees, [&](Body& b) {
     if (!b.is_active) return;
-    b.row_frame = turned_frame(b);
     const BodyVelocity& row = rows.velocity[b.row];
     const Vec3 linear = Vec3d(b.velocity - Vec3(row.velocity).cast<double>()).cast<float>(),
                angular = Vec3d(b.start_inverse_inertia * (b.row_frame.conjugate() * b.momentum) -
@@ -190,6 +189,13 @@ void JointSolver::store_velocities(const Rows& rows, IndexRange trees) {
       Eigen::Map<Vec3>(v->velocity) += linear;
       Eigen::Map<Vec3>(v->angular_velocity) += angular;
     }
+  });
+}
+
+// Call once the bodies have moved.
+void JointSolver::turn_row_frames(IndexRange trees) {
+  for_each_body(trees, [](Body& b) {
+    if (b.is_active) b.row_frame = turned_frame(b);
   });
 }
 
@@ -356,6 +362,7 @@ void JointSolver::begin_trees(const BodyStore& bodies, const SpatialPartition& p
       block.is_active = bodies_[block.a].is_active || bodies_[block.b].is_active;
       if (!block.is_active) continue;
       tree_states_[t].is_active = true;
+      tree_states_[t].has_axes |= joints_[k].has_coordinate();
       joints_[k].force_impulse.setZero();
       joints_[k].effort_impulse = 0.0;
       build_rows(joints_[k], block, 0.0);
@@ -456,6 +463,7 @@ void JointSolver::solve(const BodyStore& bodies, const Rows& rows, const Substep
   for (int t = trees.begin; t < trees.end; ++t)
     for (const std::int32_t k : joints_of(equations_.trees()[t]))
       if (blocks_[k].is_active) blocks_[k].end_speeds = speeds(blocks_[k]);
+  turn_row_frames(trees);
   store_velocities(rows, trees);
 }
 
@@ -483,6 +491,7 @@ void JointSolver::relax(const Rows& rows, IndexRange trees) {
   }
   take_back_corrections(trees);
   relax_part(trees);
+  turn_row_frames(trees);
   store_velocities(rows, trees);
 }
 
@@ -613,31 +622,25 @@ void JointSolver::add_efforts(IndexRange trees, double sign) {
                     [&](Joint& j, Block& block, double) { add_effort(j, block, sign * block.impulse); });
 }
 
-void JointSolver::select_touched(std::span<const char> touched_rows) {
-  for (std::size_t t = 0; t < tree_states_.size(); ++t) {
-    TreeState& s = tree_states_[t];
-    s.is_touched = s.is_active && std::ranges::any_of(bodies_of(equations_.trees()[t]), [&](std::int32_t i) {
-                     return bodies_[i].is_active && touched_rows[bodies_[i].row] != 0;
-                   });
-  }
+bool JointSolver::solve_again(const Rows& rows, std::int32_t tree, double tolerance, bool predicts) {
+  const IndexRange only{tree, tree + 1};
+  load_velocities(rows, only);
+  tree_states_[tree].select(true);
+  if (!solve_trees(predicts ? Stage::kSolveAgain : Stage::kFollow, only, tolerance)) return false;
+  note_springs(only);
+  store_velocities(rows, only);
+  return true;
 }
 
-bool JointSolver::solve_again(const Rows& rows, double tolerance) {
-  load_velocities(rows, all_trees());
-  for (TreeState& s : tree_states_) s.select(s.is_touched);
-  const bool any = solve_trees(Stage::kSolveAgain, all_trees(), tolerance);
-  if (any) note_springs(all_trees()), store_velocities(rows, all_trees());
-  return any;
-}
-
-bool JointSolver::relax_again(const Rows& rows, double tolerance) {
-  load_velocities(rows, all_trees());
-  for (TreeState& s : tree_states_) s.select(s.is_touched);
-  add_efforts(all_trees(), -1.0);
-  const bool any = solve_trees(Stage::kRelax, all_trees(), tolerance);
-  add_efforts(all_trees(), 1.0);
-  if (any) store_velocities(rows, all_trees());
-  return any;
+bool JointSolver::relax_again(const Rows& rows, std::int32_t tree, double tolerance) {
+  const IndexRange only{tree, tree + 1};
+  load_velocities(rows, only);
+  tree_states_[tree].select(true);
+  add_efforts(only, -1.0);
+  const bool was_off = solve_trees(Stage::kRelax, only, tolerance);
+  add_efforts(only, 1.0);
+  if (was_off) store_velocities(rows, only);
+  return was_off;
 }
 
 // Rounds of Newton's method, with the matrix of the pose at which the rows were built.
@@ -646,7 +649,7 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
   for (TreeState& s : states_of(trees)) s.open(), s.residual = std::numeric_limits<double>::max();
   for (int round = 0;; ++round) {
     if (std::ranges::none_of(states_of(trees), &TreeState::is_open)) break;
-    if (stage != Stage::kRelax) predict(trees), set_leads(stage, trees);
+    if (predicts(stage)) predict(trees), set_leads(stage, trees);
     for (int t = trees.begin; t < trees.end; ++t) {
       TreeState& s = tree_states_[t];
       if (!s.is_open()) continue;
@@ -666,6 +669,9 @@ bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
       equations_.solve(t);
       for (const std::int32_t k : joints_of(equations_.trees()[t]))
         if (blocks_[k].is_active) apply(blocks_[k], equations_.of_joint(k));
+      // The equations of rigid rows at a given pose are linear.
+      if (tolerance > 0.0 && !predicts(stage) && !s.has_axes && !equations_.trees()[t].has_loop)
+        s.role = Role::kSelected;
     }
   }
   for_each_selected(trees, [](Joint& j, const Block& block, double) {
@@ -705,7 +711,7 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
   for (const std::int32_t i : bodies_of(tree)) equations_.of_body(i).setZero();
   double greatest = 0.0;
   for (const std::int32_t k : joints_of(tree)) {
-    const Block& block = blocks_[k];
+    Block& block = blocks_[k];
     RowVector& out = equations_.of_joint(k);
     out.setZero();
     if (!block.is_active) continue;
@@ -714,8 +720,10 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
     const RowVector now = speeds(block);
     if (has_changed_segments)
       out.head(n) = (block.solved_speeds - now).head(n);
-    else if (stage == Stage::kSolveAgain && tree.has_loop)
+    else if ((stage == Stage::kSolveAgain || stage == Stage::kFollow) && tree.has_loop)
       out.head(n) = (block.end_speeds - now).head(n);
+    else if (stage == Stage::kFollow)
+      out.head(n) = (block.wanted_speeds - now).head(n);
     else if (stage != Stage::kRelax)
       out.head(n) = (block.target_error - rigid_error(j, block.held_frame_a, block.held_anchor_b,
                                                       bodies_[block.a].next, bodies_[block.b].next))
@@ -723,6 +731,7 @@ double JointSolver::set_residuals(const JointEquations::Tree& tree, Stage stage,
                     h_s;
     else
       out.head(n) = -now.head(n);
+    if (predicts(stage)) block.wanted_speeds.head(n) = (now + out).head(n);
     if (j.has_coordinate()) {
       if (AxisLaw::is_held(block.segment))
         out[kAxis] = block.law.held_speed(block.segment) - now[kAxis];

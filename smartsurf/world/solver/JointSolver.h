@@ -74,12 +74,20 @@ class JointSolver {
   // Call after the rows were moved: rotates the bodies, and removes the velocity that the constraints forbid.
   // Writes the rotations of delta_pose.
   void relax(const Rows&, IndexRange trees);
-  // ---- on one thread
-  // Solve and relax again, for the trees with a body in a touched row, after contacts have changed the
-  // velocities. Return whether any joint was off by more than `tolerance`, u/s.
-  void select_touched(std::span<const char> touched_rows);
-  bool solve_again(const Rows&, double tolerance);
-  bool relax_again(const Rows&, double tolerance);
+  // Solve and relax a tree again, after contacts have changed the velocities. Return whether any joint was
+  // off by more than `tolerance`, u/s. Unless it `predicts` where the speeds lead, solve_again() takes the
+  // tree to the speeds along its rows that the last prediction of the substep has asked for, which is exact
+  // but for the curvature of the paths.
+  bool solve_again(const Rows&, std::int32_t tree, double tolerance, bool predicts);
+  bool relax_again(const Rows&, std::int32_t tree, double tolerance);
+  // Calls visit(tree, row) for the bodies of the trees that move, tree by tree.
+  template <class Visit>
+  void for_each_moving_row(Visit visit) const {
+    for (std::size_t t = 0; t < tree_states_.size(); ++t)
+      for (const std::int32_t i : bodies_of(equations_.trees()[t]))
+        if (tree_states_[t].is_active && bodies_[i].is_active)
+          visit(static_cast<std::int32_t>(t), bodies_[i].row);
+  }
   // ---- for the solver of an island with joints; threads may call these at once for different trees
   // The rows of a joint with an active body, by its index among the joints, which is that of its link. The
   // speed along a row is jacobian[0]·(v, ω of a) + jacobian[1]·(v, ω of b).
@@ -223,6 +231,7 @@ class JointSolver {
     RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
     RowVector solved_speeds = RowVector::Zero();  // before the segments of axes changed
     RowVector end_speeds = RowVector::Zero();     // with which solve() ends
+    RowVector wanted_speeds = RowVector::Zero();  // for which the last prediction asked
     RowVector error = RowVector::Zero();          // of the rigid rows
     // The frame of a and the anchor of b that the part holds together, and what is to be left of their error.
     Quatd held_frame_a{1, 0, 0, 0};
@@ -243,9 +252,9 @@ class JointSolver {
   enum class Role : std::uint8_t { kNone, kSetAside, kSelected, kOpen };
   struct TreeState {
     Role role;
-    bool is_active, is_factored, has_changed;
+    bool is_active, is_factored, has_changed, has_axes;
     bool is_factored_for_blows;  // instead
-    bool is_unfinished, is_touched;
+    bool is_unfinished;
     std::int32_t substep;  // how many have ended
     std::int32_t kept;     // how many count
     bool is_off;           // its corrections are too fast to become velocities
@@ -263,8 +272,10 @@ class JointSolver {
   // kSolveAgain: after contacts have changed the speeds. The rows of a loop that is stretched out are
   // linearly dependent. The curved paths of its bodies leave a second-order error in them that no impulse
   // removes; solving for it would give huge impulses. Trees with loops therefore return to the speeds that
-  // solve() found along their rows, and the next substep corrects the error.
-  enum class Stage { kSolve, kSolveAgain, kRelax };
+  // solve() found along their rows, and the next substep corrects the error. kFollow: the same without a new
+  // prediction.
+  enum class Stage { kSolve, kSolveAgain, kFollow, kRelax };
+  static bool predicts(Stage stage) { return stage == Stage::kSolve || stage == Stage::kSolveAgain; }
 
   const Joint* find(scene::JointId) const;
   Joint* find(scene::JointId id) { return const_cast<Joint*>(std::as_const(*this).find(id)); }
@@ -277,6 +288,7 @@ class JointSolver {
   static Eigen::Matrix3d tensor_of(const PrincipalInertia&, const Quatd& orientation, const Vec3d& moments);
   void load_velocities(const Rows&, IndexRange trees);
   void store_velocities(const Rows&, IndexRange trees);
+  void turn_row_frames(IndexRange trees);
   static RowVector rigid_error(const Joint& j, const Pose& a, const Pose& b) {
     return rigid_error(j, j.frame_a, j.anchor_b, a, b);
   }
@@ -344,7 +356,6 @@ class JointSolver {
     j.held_by = AxisLaw::is_held(block.segment) ? block.law.causes(block.segment) : 0;
   }
   void add_efforts(IndexRange trees, double sign);
-  IndexRange all_trees() const { return {0, static_cast<int>(tree_states_.size())}; }
   void set_leads(Stage, IndexRange trees);
   double set_residuals(const JointEquations::Tree&, Stage, double h_s, bool has_changed_segments);
   bool is_factored(std::int32_t tree) const;

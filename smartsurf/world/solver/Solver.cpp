@@ -172,9 +172,14 @@ void Solver::prepare_step(StepContext& context, const Member& member) {
       [&](auto& points, auto... share) { points.begin_step(point_step(context), share...); });
   if (!joints.empty())
     member.on_caller([&] {
-      jointed_contacts_.collect(graph_, context.bodies, context.partition, batch_points(), velocity_.data(),
-                                heavy_islands_.solved_rows());
-      if (!jointed_contacts_.empty()) joints.select_touched(jointed_contacts_.touched_rows());
+      jointed_contacts_.collect({.graph = graph_,
+                                 .bodies = context.bodies,
+                                 .partition = context.partition,
+                                 .points = batch_points(),
+                                 .rows = velocity_.data(),
+                                 .joints = joints,
+                                 .supports = std::span(supports_).first(has_supports_ ? supports_.size() : 0),
+                                 .solved_rows = heavy_islands_.solved_rows()});
     });
   run_contact_stage(context, member, context.kernels.warm_start, 0.0F, SupportStage::kWarmStart);
 }
@@ -481,40 +486,20 @@ PointStep Solver::point_step(const StepContext& context) {
           .material = material_.data()};
 }
 
-// Joints and the contacts of their bodies take turns until the contacts leave the joints where they hold.
-// There are joints.
 void Solver::settle_jointed_contacts(StepContext& context, const Member& member, bool is_soft) {
-  constexpr int kMaxTurns = 30;
-  constexpr double kJointTolerance_ups = 1e-4;
-  JointSolver& joints = context.input.joints;
   member.wait();
-  member.arrive();  // the last batches of a stage come after its last arrival
-  member.on_caller([&] {
-    if (jointed_contacts_.empty()) return;
-    const BatchPoints points = batch_points();
-    jointed_contacts_.begin_stage(points, context.solver_bodies, context.pair_params, context.static_params,
-                                  is_soft);
-    for (int turn = 0; turn < kMaxTurns; ++turn) {
-      if (!(is_soft ? joints.solve_again(joint_rows(), kJointTolerance_ups)
-                    : joints.relax_again(joint_rows(), kJointTolerance_ups)))
-        break;
-      jointed_contacts_.sweep(points, context.solver_bodies, context.pair_params, context.static_params,
-                              is_soft);
-      for (std::size_t k = 0; has_supports_ && k < supports_.size(); ++k)
-        for (SupportBatch& batch : supports_[k]) {
-          std::uint32_t jointed = 0;
-          batch.for_each([&](SupportPatches& list, SupportPatch& p, int lane) {
-            if (p.is_elastic || !context.bodies.is_jointed[p.body]) return;
-            if (jointed_contacts_.is_solved(p.row)) return;
-            jointed |= std::uint32_t{1} << static_cast<unsigned>(lane);
-            solve_support_points(list, p, points, context.static_params, is_soft, velocity_[p.row],
-                                 delta_pose_[p.row], inverse_inertia_[p.row]);
-          });
-          if (jointed != 0)
-            solve_supports(batch, jointed, points, is_soft, velocity_.data(), inverse_inertia_.data());
-        }
-    }
-  });
+  if (jointed_contacts_.empty()) return member.arrive();
+  if (member.is_caller()) jointed_contacts_.begin_settle(member);
+  member.arrive_and_wait();  // the last batches of a stage come after its last arrival
+  jointed_contacts_.settle({.points = batch_points(),
+                            .rows = context.solver_bodies,
+                            .pair_params = context.pair_params,
+                            .static_params = context.static_params,
+                            .is_soft = is_soft,
+                            .joints = context.input.joints,
+                            .joint_rows = joint_rows()},
+                           member);
+  member.arrive();
 }
 
 // ---- support patches, each member those of its batches

@@ -279,8 +279,7 @@ void copy_to_lane(const SupportPatch& p, int lane, SupportFriction& to) {
 // Finds the loads under the normal impulses of a patch's points, and from them the cones of its samples.
 // False if nothing rubs.
 bool prepare_friction(SupportPatches& list, SupportPatch& p, const SupportSampleView& samples,
-                      BatchPoints points, bool is_soft, SupportFrictionStage& stage) {
-  const int lane = p.lane;
+                      BatchPoints points, bool is_soft, int lane, SupportFrictionStage& stage) {
   const double force = stage.wrench[0][lane], moment_x = stage.wrench[1][lane],
                moment_y = stage.wrench[2][lane];
   if (p.is_lumped && p.may_lump()) spread_friction(list.samples, p);
@@ -332,7 +331,8 @@ std::uint32_t solve_friction(SupportBatch& batch, std::uint32_t lanes, BatchPoin
   const std::uint32_t sticks = stick(stage);
   std::uint32_t rubs = 0;
   for_each_of(lanes & ~sticks, [&](SupportPatches& list, SupportPatch& p, int lane) {
-    if (prepare_friction(list, p, batch.friction.samples[lane], points, is_soft, stage)) rubs |= bit(lane);
+    if (prepare_friction(list, p, batch.friction.samples[lane], points, is_soft, lane, stage))
+      rubs |= bit(lane);
   });
   if (rubs != 0) rub(stage, rubs);
   for_each_of(sticks | rubs, [&](SupportPatches&, SupportPatch& p, int lane) {
@@ -450,6 +450,16 @@ void prepare_support(SupportBatch& batch, int lane, const BodyVelocity& m, const
 
 void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseInertia& w) {
   apply_friction(p, Vector3(p.friction_sum), m, w);
+}
+
+void add_support(const SupportBatch& from, int from_lane, SupportBatch& to, int lane) {
+  to.list[lane] = from.list[from_lane], to.patch[lane] = from.patch[from_lane];
+  to.contacts[lane] = from.contacts[from_lane];
+  copy_to_lane(*to.patch[lane], lane, to.friction);
+  to.friction.samples[lane] = from.friction.samples[from_lane];
+  to.friction.lanes |= std::uint32_t{1} << static_cast<unsigned>(lane);
+  to.lanes.lane_count = lane + 1;
+  std::fill(to.lanes.row + lane, to.lanes.row + kLanes, to.patch[lane]->row);
 }
 
 void solve_supports(SupportBatch& batch, std::uint32_t lanes, BatchPoints points, bool is_soft,

@@ -56,6 +56,10 @@ void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia
 // relax stage.
 void solve_supports(SupportBatch&, std::uint32_t lanes, BatchPoints, bool is_soft, BodyVelocity*,
                     const InverseInertia*);
+// Adds a patch of another batch in the next lane, after prepare_support(). With it in a batch of its own,
+// solve_supports() touches nothing of the other patches of the first batch. The views of the samples must be
+// copied from the one batch to the other where these take turns.
+void add_support(const SupportBatch& from, int from_lane, SupportBatch& to, int lane);
 // Solves friction, and the points of the patches before it and, unless `is_soft`, after it: friction tilts a
 // body, and the normal constraints must hold at the end of the step. No patch of the batch is alone.
 void solve_points_and_friction(SupportBatch&, BatchPoints, const SubstepParams&, bool is_soft, BodyVelocity*,
