@@ -10,8 +10,8 @@ local shaft = joint { kind = 'hinge', a = knob, anchor = { 6, 6, 0.35 }, axis = 
 
 local hammer = box { size = { 4, 0.6, 0.2 }, position = { 4, 2, 0.15 }, colour = 'grey', label = 'hammer' }
 joint { kind = 'hinge', a = hammer, anchor = { 6, 2, 0.15 }, axis = { 0, 1, 0 }, limits = { 0, 1.4 } }
-local bell = sphere { radius = 0.5, position = { 3, 2, 2.6 }, colour = 'yellow', label = 'bell' }
-joint { kind = 'ball', a = bell, anchor = { 3, 2, 5 } }
+local bell = sphere { radius = 0.5, position = { 4.2, 2, 3 }, colour = 'yellow', label = 'bell' }
+joint { kind = 'ball', a = bell, anchor = { 4.2, 2, 5.4 } }
 
 -- A finger pushes the slider for a second, then turns the knob for one.
 local reached, turned, struck = 0, 0, 0
