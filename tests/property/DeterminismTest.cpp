@@ -112,14 +112,14 @@ std::uint64_t hash_of_sliding_pairs(int threads) {
   PhysicsFixture fixture;
   fixture.threads = threads;
   fixture.scene.world.dt_s = 1.0 / 60;
-  for (int i = 0; i < 160; ++i) {
-    const Eigen::Vector3d at(2.0 + (i % 8) * 3.8, 1.5 + (i / 8) * 1.5, 0.41);
-    auto first = box({1.6, 1.2, 0.8}, at), second = box({1.6, 1.2, 0.8}, at + Eigen::Vector3d(1.8, 0, 0));
+  for (int i = 0; i < 260; ++i) {
+    const Eigen::Vector3d at(1.0 + (i % 13) * 2.4, 1.0 + (i / 13) * 1.5, 0.41);
+    auto first = box({1.0, 1.2, 0.8}, at), second = box({1.0, 1.2, 0.8}, at + Eigen::Vector3d(1.15, 0, 0));
     first.velocity = {0.5 * std::sin(i), 2.0 * std::cos(i), 0};
     fixture.world().add_joint({.kind = static_cast<JointKind>(i % 4),
                                .a = fixture.add(first),
                                .b = fixture.add(second),
-                               .anchor = at + Eigen::Vector3d(0.9, 0, 0)});
+                               .anchor = at + Eigen::Vector3d(0.575, 0, 0)});
   }
   fixture.run(0.5);
   return fixture.snapshot().state_hash;

@@ -46,6 +46,27 @@ void JointedContacts::Point::apply(const Vec3& impulse, BodyVelocity* rows) cons
   }
 }
 
+float JointedContacts::Point::normal_speed(const BodyVelocity* rows) const {
+  float sum = 0.0F;
+  for (int side = 0; side < 2; ++side) {
+    if (row[side] < 0) continue;
+    const BodyVelocity& m = rows[row[side]];
+    const float along = normal.dot(Vec3(m.velocity));
+    sum += (side == 0 ? along : -along) + normal_torque[side].dot(Vec3(m.angular_velocity));
+  }
+  return sum;
+}
+
+void JointedContacts::Point::apply_normal(float impulse, BodyVelocity* rows) const {
+  for (int side = 0; side < 2; ++side) {
+    if (row[side] < 0) continue;
+    BodyVelocity& m = rows[row[side]];
+    if (m.inverse_mass == 0.0F) continue;
+    Eigen::Map<Vec3>(m.velocity) += (side == 0 ? impulse : -impulse) * m.inverse_mass * normal;
+    Eigen::Map<Vec3>(m.angular_velocity) += impulse * normal_spin[side];
+  }
+}
+
 void JointedContacts::collect(const Input& in) {
   points_.clear(), lanes_.clear(), islands_.clear();
   solved_rows_ = in.solved_rows;
@@ -120,6 +141,8 @@ void JointedContacts::add_points(const Input& in, const Lane& l) {
       p.inverse_inertia[side] = in.bodies.is_sphere[body]
                                     ? Mat3(in.rows[p.row[side]].inverse_inertia * Mat3::Identity())
                                     : to_matrix(in.bodies.world_inverse_inertia[body]);
+      p.normal_torque[side] = p.anchor[side].cross(side == 0 ? p.normal : Vec3(-p.normal));
+      p.normal_spin[side] = p.inverse_inertia[side] * p.normal_torque[side];
       is_touched_[p.row[side]] = 1;
     }
     points_.push_back(p);
@@ -249,7 +272,7 @@ double JointedContacts::sweep(const Island& island, const Stage& stage) {
     const BatchPointDetail& d = stage.points.detail[p.index];
     const int lane = p.lane;
     const Vec3 surface = p.kind == kSpherePair ? Vec3(Vec3::Zero()) : load_lane(d.surface_velocity, lane);
-    const float old_impulse = q.normal_impulse[lane], speed = p.normal.dot(p.velocity(rows) - surface);
+    const float old_impulse = q.normal_impulse[lane], speed = p.normal_speed(rows) - p.normal.dot(surface);
     float impulse = 0.0F;
     if (!stage.is_soft) {
       impulse = law::normal_impulse(old_impulse, q.normal_mass[lane], speed, q.relax_target_speed[lane]);
@@ -263,7 +286,7 @@ double JointedContacts::sweep(const Island& island, const Stage& stage) {
     q.normal_impulse[lane] = impulse;
     p.last_change = p.change;
     p.change = (impulse - old_impulse) * p.normal;
-    if (impulse != old_impulse) p.apply(p.change, rows);
+    if (impulse != old_impulse) p.apply_normal(impulse - old_impulse, rows);
     if (q.friction[lane] != 0.0F && (impulse > 0.0F || old_impulse > 0.0F)) {
       const Vec3 velocity = p.velocity(rows) - surface, old_friction = load_lane(q.friction_impulse, lane);
       const Vec3 slip = velocity - p.normal * p.normal.dot(velocity);
@@ -289,8 +312,10 @@ void JointedContacts::repeat_change(const Island& island, const Stage& stage, fl
     const Vec3 change = factor * p.change, old_friction = load_lane(q.friction_impulse, lane);
     const float along = p.normal.dot(change), old_impulse = q.normal_impulse[lane],
                 impulse = std::max(0.0F, old_impulse + along);
-    const Vec3 friction =
-        law::clamp_length(Vec3(old_friction + change - along * p.normal), q.friction[lane] * impulse);
+    Vec3 friction = old_friction;
+    if (q.friction[lane] != 0.0F)
+      friction =
+          law::clamp_length(Vec3(old_friction + change - along * p.normal), q.friction[lane] * impulse);
     q.normal_impulse[lane] = impulse;
     if (!stage.is_soft) q.total_normal_impulse[lane] += impulse - old_impulse;
     store_lane(friction, q.friction_impulse, lane);

@@ -79,12 +79,17 @@ class JointedContacts {
     ContactKind kind;
     Vec3 normal, anchor[2];
     Mat3 inverse_inertia[2];
+    // Of a unit impulse along the normal on the first side: its torque on each side, and the spin from that.
+    Vec3 normal_torque[2], normal_spin[2];
     float separation = 0.0F;   // at the start of the stage
     float before_last = 0.0F;  // normal impulse of the substep before the last
     Vec3 change, last_change;  // of the impulse, by the last two sweeps
 
     Vec3 velocity(const BodyVelocity*) const;
     void apply(const Vec3& impulse, BodyVelocity*) const;
+    // The same along the normal.
+    float normal_speed(const BodyVelocity*) const;
+    void apply_normal(float impulse, BodyVelocity*) const;
   };
   struct Lane {
     std::int32_t root;         // of its island
