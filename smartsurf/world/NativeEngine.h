@@ -73,7 +73,7 @@ class NativeEngine final : public Engine {
   std::optional<scene::ObjectId> first_non_finite() const override;
 
  private:
-  static constexpr std::size_t kMinParallelBodies = 512;  // fewer bodies are not worth the barriers
+  static constexpr std::size_t kMinParallelBodies = 512;  // fewer are not worth the barriers
 
   void wake_joint(scene::JointId);
   void wake_with_neighbours(std::int32_t body);

@@ -117,8 +117,12 @@ void NativeEngine::step() {
   lacks_loads_ = lacks_impulses_ = writes_when_asked_;
   team_.run(false, [&](const Member& member) { run_stages<0, kBegin>(member); });
   if (!active_bodies_.empty()) {
-    team_.run(active_bodies_.size() >= kMinParallelBodies,
-              [&](const Member& member) { run_stages<kBegin, kEnd>(member); });
+    // A body with joints takes as long as several others.
+    constexpr std::size_t kJointedWeight = 4;
+    std::size_t work = active_bodies_.size();
+    if (!joints_.empty())
+      for (const auto i : active_bodies_) work += bodies_.is_jointed[i] != 0 ? kJointedWeight - 1 : 0;
+    team_.run(work >= kMinParallelBodies, [&](const Member& member) { run_stages<kBegin, kEnd>(member); });
     if (is_overloaded()) {
       lacks_loads_ = lacks_impulses_ = false;
       return;

@@ -646,7 +646,10 @@ bool JointSolver::relax_again(const Rows& rows, std::int32_t tree, double tolera
 // Rounds of Newton's method, with the matrix of the pose at which the rows were built.
 bool JointSolver::solve_trees(Stage stage, IndexRange trees, double tolerance) {
   bool any_off = false;
-  for (TreeState& s : states_of(trees)) s.open(), s.residual = std::numeric_limits<double>::max();
+  for (TreeState& s : states_of(trees)) {
+    s.open();
+    if (s.is_open()) s.residual = std::numeric_limits<double>::max();
+  }
   for (int round = 0;; ++round) {
     if (std::ranges::none_of(states_of(trees), &TreeState::is_open)) break;
     if (predicts(stage)) predict(trees), set_leads(stage, trees);
