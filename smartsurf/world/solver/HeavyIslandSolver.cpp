@@ -174,7 +174,7 @@ void HeavyIslandSolver::set_up(PatchFriction& f, const SolverBodies& rows) {
 // Rigid rows keep the speeds that the joints' solver has found.
 void HeavyIslandSolver::set_up(JointSprings& j, const SolverBodies& rows, const Substep& substep) {
   const JointSolver::RowSprings springs = substep.joints.springs_of(j.joint, !substep.is_soft);
-  double speed = 0.0;
+  double speed = 0.0;  // along the present row; in the end along the axis
   for (int part = 0; part < 2; ++part)
     for (int k = 0; k < 3; ++k) {
       const int r = 3 * part + k;

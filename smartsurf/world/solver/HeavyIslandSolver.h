@@ -161,12 +161,17 @@ class HeavyIslandSolver {
     Springs part[2];
     const AxisLaw* law = nullptr;
     int segment = 0;
-    // Of the axis: where it is held; before the direct solution; that it exerts if no spring acts on it.
-    double held_stiffness = 0.0, impulse = 0.0, speed = 0.0, constant = 0.0;
+    // The stiffness with which a segment holds the axis.
+    double held_stiffness = 0.0;
+    // The axis's impulse and speed before the direct solution.
+    double impulse = 0.0, speed = 0.0;
+    // The change of the impulse in a segment that neither holds the axis nor slopes.
+    double constant = 0.0;
 
     Spring& axis() { return part[1].spring[2]; }
     const Spring& axis() const { return part[1].spring[2]; }
     void set_segment(int next);
+    // The axis's speed with the velocity changes of the bodies.
     double axis_speed(const double* changes) const;
     // Takes the impulses that follow from velocity changes of the bodies; true if the axis now is in another
     // segment.

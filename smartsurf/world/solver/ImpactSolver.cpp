@@ -570,10 +570,9 @@ void ImpactSolver::add_responses(const Step& step, Point& p) {
 }
 
 void ImpactSolver::add_response_of_stop(const Step& step, Point& p) {
-  constexpr float kUnit = 1.0F;
   const JointSolver::Stop& stop = stops_[p.stop];
   row_changes_.clear();
-  step.joints.respond(stop.tree, step.joints.blows_of(stop, kUnit), row_changes_);
+  step.joints.respond(stop.tree, step.joints.blows_of(stop, 1.0F), row_changes_);
   take_row_changes(step, p, 0);
   float speed = 0.0F;
   for (const JointSolver::RowChange& c : row_changes_) {
@@ -583,7 +582,7 @@ void ImpactSolver::add_response_of_stop(const Step& step, Point& p) {
   p.normal_mass = law::inverse(speed);
 }
 
-// Those by a unit impulse of the point along an axis.
+// Takes row_changes_ as the point's responses to a unit impulse along the axis.
 void ImpactSolver::take_row_changes(const Step& step, Point& p, int axis) {
   if (axis == 0) {
     p.first_response = static_cast<std::int32_t>(responses_.size());
@@ -593,7 +592,7 @@ void ImpactSolver::take_row_changes(const Step& step, Point& p, int axis) {
   }
   for (std::int32_t i = 0; i < p.response_count; ++i) {
     Response& r = responses_[p.first_response + i];
-    r.linear[axis] = to_row(row_changes_[i].velocity),
+    r.linear[axis] = to_row(row_changes_[i].velocity);
     r.spin[axis] = to_row(row_changes_[i].angular_velocity);
   }
 }

@@ -144,8 +144,8 @@ class ImpactSolver {
     std::int32_t first_response = 0, response_count = 0;
     std::int32_t a, b;          // bodies; b = −1: static
     std::int32_t row_a, row_b;  // of a and b
-    // Or a joint at a limit, in stops_: without friction, with the turns for anchors and the linear part for
-    // the normal.
+    // ≥ 0: the point is no contact but a joint at a limit, in stops_. It has no friction; the anchors are the
+    // stop's turns, and the normal is its linear part.
     std::int32_t stop = -1;
     Contact* contact;
     Vec3 velocity_before;

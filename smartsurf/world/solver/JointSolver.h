@@ -101,10 +101,12 @@ class JointSolver {
     int segment;
     double impulse;
   };
-  // Whether the joint's tree has a loop, whose rows may depend on each other.
+  // Whether the joint's tree has a loop, whose rows may depend on each other. The table is in no tree.
   bool is_in_loop(std::int32_t joint) const {
-    const Block& b = blocks_[joint];
-    return equations_.trees()[std::max(bodies_[b.a].tree, bodies_[b.b].tree)].has_loop;
+    const auto has_loop = [this](const Body& b) {
+      return b.tree >= 0 && equations_.trees()[b.tree].has_loop;
+    };
+    return has_loop(bodies_[blocks_[joint].a]) || has_loop(bodies_[blocks_[joint].b]);
   }
   RowSprings springs_of(std::int32_t joint, bool is_relaxing) const;
   // Notes an impulse that the solver has exerted along the rows, in the stage of solve() or relax(), and the
@@ -131,8 +133,8 @@ class JointSolver {
   };
   // The tree of an active body whose joints move; −1 for other bodies.
   std::int32_t tree_of_moving(std::int32_t body) const;
-  // The blow of an impulse at `anchor` from the centre of mass of a body with joints that move, as the rows
-  // have it.
+  // The blow of an impulse at `anchor` from the centre of mass of a body with joints that move. The anchor is
+  // that of the rows, of the body as it lay at the start of the step.
   Blow blow_at(std::int32_t body, const Vec3& anchor, const Vec3& impulse) const;
   std::span<const Blow> blows_of(const Stop&, float impulse);  // until the next call
   // Appends the tree's joints with limits.
@@ -213,7 +215,8 @@ class JointSolver {
     PrincipalInertia principal;
     Vec3d momentum{0, 0, 0};             // angular
     Vec3d kept_velocity, kept_momentum;  // as they were at the beginning of the part
-    Vec3d contact_momentum{0, 0, 0};     // of which the contacts of the last substep gave, in advance
+    // The part of kept_momentum that comes from the last substep's contact impulses, applied again.
+    Vec3d contact_momentum{0, 0, 0};
 
     void keep() { kept_velocity = velocity, kept_momentum = momentum; }
     void restore() {
@@ -231,7 +234,7 @@ class JointSolver {
     RowVector response = RowVector::Zero();       // change of each row's speed by a unit impulse along it
     RowVector solved_speeds = RowVector::Zero();  // before the segments of axes changed
     RowVector end_speeds = RowVector::Zero();     // with which solve() ends
-    RowVector wanted_speeds = RowVector::Zero();  // for which the last prediction asked
+    RowVector wanted_speeds = RowVector::Zero();  // that bring the predicted poses onto the joint
     RowVector error = RowVector::Zero();          // of the rigid rows
     // The frame of a and the anchor of b that the part holds together, and what is to be left of their error.
     Quatd held_frame_a{1, 0, 0, 0};
@@ -252,7 +255,8 @@ class JointSolver {
   enum class Role : std::uint8_t { kNone, kSetAside, kSelected, kOpen };
   struct TreeState {
     Role role;
-    bool is_active, is_factored, has_changed, has_axes;
+    bool is_active, is_factored, has_changed;
+    bool has_axes;               // of hinges or sliders
     bool is_factored_for_blows;  // instead
     bool is_unfinished;
     std::int32_t substep;  // how many have ended
@@ -299,7 +303,7 @@ class JointSolver {
   static double coordinate_of(const Joint&, const Pose& a, const Pose& b, double turn = 0.0);
   // Distance to the nearer limit; negative beyond it.
   static double room_of(const Joint& j) { return std::min(j.coordinate - j.lower, j.upper - j.coordinate); }
-  // That in which the coordinate leaves its nearer limit.
+  // The sign of the speed with which the coordinate leaves its nearer limit.
   static double way_off_limit(const Joint& j) {
     return j.coordinate - j.lower < j.upper - j.coordinate ? 1.0 : -1.0;
   }

@@ -4,9 +4,9 @@
 // their joints again: a heavy chain would sink into what it meets, and what puts its joints right afterwards
 // turns into energy. Here the two take turns until they agree, in each island by itself; threads share the
 // islands. Each turn removes what is left of one kind of error without adding energy; what is left is
-// greatest where one contact bears many links, and the impulses carry over to the next substep. There the
-// changes of the impulses are soon a geometric series, whose rest is then applied at once (A. C. Aitken,
-// 1926).
+// greatest where one contact bears many links, and the impulses carry over to the next substep. The
+// changes of the impulses there soon form a geometric series; the rest of the series is applied at once (A.
+// C. Aitken, 1926).
 //
 // Only loads carry over, the impulses that two substeps in a row have borne: a blow that struck once more
 // would set the chain in motion, and the turns are too few to take that back.
@@ -79,7 +79,7 @@ class JointedContacts {
     ContactKind kind;
     Vec3 normal, anchor[2];
     Mat3 inverse_inertia[2];
-    // Of a unit impulse along the normal on the first side: its torque on each side, and the spin from that.
+    // A unit impulse along the normal on the first side has this torque on each side, which gives this spin.
     Vec3 normal_torque[2], normal_spin[2];
     float separation = 0.0F;   // at the start of the stage
     float before_last = 0.0F;  // normal impulse of the substep before the last
