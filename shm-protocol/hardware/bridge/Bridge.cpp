@@ -242,7 +242,7 @@ bool Bridge::poll_line(milliseconds timeout) {
   if (!line_.is_open()) return false;
   bool connected = flush();
   pollfd line{line_.descriptor(), static_cast<short>(POLLIN | (line_.pending_bytes() == 0 ? 0 : POLLOUT)), 0};
-  if (connected && ::poll(&line, 1, static_cast<int>(timeout.count())) > 0) {
+  if (connected && (line_.has_unread() || ::poll(&line, 1, static_cast<int>(timeout.count())) > 0)) {
     // All that is there (a terminal gives it in pieces): the controller gets the newest frame, and large ones
     // do not pile up while it computes. In passive mode it gets each.
     connected = line_.receive([this] { return options_.mode == Mode::kTimeStep || !frame_ready_; },

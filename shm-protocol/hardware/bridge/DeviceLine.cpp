@@ -20,6 +20,7 @@ std::string DeviceLine::why_undescribed() const {
 void DeviceLine::close() {
   port_.reset();
   link_.reset();
+  in_begin_ = in_end_ = 0;
   out_.clear();
   answer_bytes_ = 0;
 }

@@ -34,19 +34,22 @@ class DeviceLine {
   // Forgets the device's description and what waits.
   void close();
 
-  // Calls on_event(event) for each byte that is there, until more() is false. Returns false if the line is
-  // lost.
+  // Calls on_event(event) for each byte that is there, until more() is false; the bytes after that one wait
+  // for the next call. Returns false if the line is lost.
   template <class More, class OnEvent>
   bool receive(More more, OnEvent on_event) {
-    std::array<std::uint8_t, 4096> bytes;
-    for (int round = 0; round < 16 && more(); ++round) {
-      const auto got = port_->read(bytes);
+    for (int round = 0; round < 16; ++round) {
+      while (has_unread() && more()) on_event(link_.receive(in_[in_begin_++]));
+      if (!more()) return true;
+      const auto got = port_->read(in_);
       if (!got) return false;
-      if (*got == 0) break;
-      for (std::size_t i = 0; i < *got; ++i) on_event(link_.receive(bytes[i]));
+      if (*got == 0) return true;
+      in_begin_ = 0;
+      in_end_ = *got;
     }
     return true;
   }
+  bool has_unread() const { return in_begin_ != in_end_; }
 
   // Sends what waits, as far as the line takes it. Returns false if the line is lost.
   bool flush();
@@ -70,6 +73,8 @@ class DeviceLine {
  private:
   std::optional<Port> port_;
   DeviceLink link_;
+  std::array<std::uint8_t, 4096> in_;
+  std::size_t in_begin_ = 0, in_end_ = 0;  // what is unread of in_
   std::vector<std::uint8_t> out_;
   std::vector<float> safe_;
   std::size_t answer_bytes_ = 0;  // of out_, up to the end of an answer; 0: none waits

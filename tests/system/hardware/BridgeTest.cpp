@@ -202,6 +202,27 @@ TEST(Bridge, LateAnswerIsFollowedByTheNewestFrame) {
   EXPECT_EQ(bridge.figure("lost"), 0u);
 }
 
+// Frames that come while the host has no time arrive in one read.
+TEST(Bridge, PassiveModePublishesEachFrameOfABurst) {
+  const std::string name = surface_name("bridge-burst");
+  SteppedDevice device(SteppedDevice::Sensors{{"tick", ""}});
+  Program bridge({SURFACE_BRIDGE, device.port(), "--shm", name, "--mode", "passive", "--silence", "1000"});
+  device.connect();
+  device.await(SSW_START, 0);
+  device.send_frame(1);
+  device.await(SSW_HEARTBEAT, 1);
+  bridge.signal(SIGSTOP);
+  ASSERT_EQ(::waitpid(bridge.pid(), nullptr, WUNTRACED), bridge.pid());
+  for (std::uint32_t tick = 2; tick <= 21; ++tick) device.send_frame(tick);
+  bridge.signal(SIGCONT);
+  device.await(SSW_HEARTBEAT, 21);
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130) << bridge.output();
+  EXPECT_EQ(bridge.figure("frames"), 21u);
+  EXPECT_EQ(bridge.figure("passed_over"), 0u);
+  EXPECT_EQ(bridge.figure("lost"), 0u);
+}
+
 TEST(Bridge, LateAnswerMakesNoLaterOnesLate) {
   const std::string name = surface_name("bridge-late");
   Device device({"--pty", line_path("late"), "--size", kSize, "--period-ms", "10"});
