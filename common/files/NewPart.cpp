@@ -10,12 +10,13 @@
 #include "common/error/UserError.h"
 #include "common/files/AtomicFile.h"
 #include "common/files/PreparedOutputs.h"
+#include "common/files/RealPath.h"
 
 namespace common {
 namespace fs = std::filesystem;
 
 NewPart::NewPart(const fs::path& name)
-    : name_(name), path_(prepared_part(name).value_or(part_of(name))), unfinished_(path_) {
+    : name_(replaced_path(name)), path_(prepared_part(name_).value_or(part_of(name_))), unfinished_(path_) {
   const auto refuse = [&](const std::string& reason) {
     throw UserError(name.string() + ": cannot be written: " + reason);
   };
@@ -23,12 +24,12 @@ NewPart::NewPart(const fs::path& name)
   if (const fs::file_status status = fs::status(name, error);
       fs::exists(status) && !fs::is_regular_file(status))
     refuse("it is not a regular file");
-  if (const std::error_code refusal = refused_output(name)) refuse(refusal.message());
-  if (const std::string reason = too_long_for_part(name, path_); !reason.empty()) refuse(reason);
+  if (const std::error_code refusal = refused_output(name_)) refuse(refusal.message());
+  if (const std::string reason = too_long_for_part(name_, path_); !reason.empty()) refuse(reason);
   error.clear();
   fs::remove(path_, error);
   if (error) refuse(error.message());
-  file_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_CREAT | O_EXCL | O_NOFOLLOW, part_mode(name));
+  file_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_CREAT | O_EXCL | O_NOFOLLOW, part_mode(name_));
   if (file_ < 0) refuse(std::error_code(errno, std::generic_category()).message());
 }
 

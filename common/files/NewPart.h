@@ -10,9 +10,9 @@ namespace common {
 
 class NewPart {
  public:
-  // Creates the prepared part (PreparedOutputs.h) of the output of that name, or its part_of(). What has that
-  // name is removed before; nothing is written to it or through it. Throws UserError, which begins with the
-  // name.
+  // Creates the prepared part (PreparedOutputs.h) of the output of that name, or its part_of(); of a link,
+  // that of its target. What has the part's name is removed before; nothing is written to it or through it.
+  // Throws UserError, which begins with `name`.
   explicit NewPart(const std::filesystem::path& name);
   ~NewPart();  // removes the file, unless commit() has succeeded
   NewPart(const NewPart&) = delete;

@@ -22,6 +22,13 @@ fs::path real_path(const fs::path& path, std::error_code& error) {
   return error ? fs::path() : real;
 }
 
+fs::path replaced_path(const fs::path& name) {
+  std::error_code error;
+  if (!fs::is_symlink(fs::symlink_status(name, error))) return name;
+  const fs::path target = real_path(name);
+  return target.empty() ? name : target;
+}
+
 bool leads_nowhere(const std::error_code& error) noexcept {
   return error == std::errc::filename_too_long || error == std::errc::too_many_symbolic_link_levels ||
          error == std::errc::not_a_directory;

@@ -9,20 +9,9 @@
 #include "common/files/RealPath.h"
 
 namespace smartsurf::record {
-namespace {
-
 namespace fs = std::filesystem;
 
-fs::path link_target(const fs::path& name) {
-  std::error_code error;
-  if (!fs::is_symlink(fs::symlink_status(name, error))) return name;
-  const fs::path target = common::real_path(name);
-  return target.empty() ? name : target;
-}
-
-}  // namespace
-
-PendingFile::PendingFile(const fs::path& name) : final_(link_target(name)), path_(final_) {
+PendingFile::PendingFile(const fs::path& name) : final_(common::replaced_path(name)), path_(final_) {
   std::error_code error;
   const fs::file_status status = fs::status(final_, error);
   committed_ = fs::exists(status) && !fs::is_regular_file(status);

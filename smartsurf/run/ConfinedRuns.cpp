@@ -20,6 +20,7 @@
 
 #include "common/confine/OutputServices.h"
 #include "common/files/AtomicFile.h"
+#include "common/files/RealPath.h"
 #include "smartsurf/mesh/DecompositionCache.h"
 #include "smartsurf/record/OpenRecorder.h"
 #include "smartsurf/run/OutputFile.h"
@@ -349,9 +350,9 @@ std::vector<common::PreparedOutput> prepare_media(std::span<const Screenshot> sc
   std::vector<common::PreparedOutput> outputs;
   for (const Screenshot& screenshot : screenshots)
     outputs.push_back(prepare_replaced_file({"--screenshot", screenshot.file}));
-  if (!video_file.empty())  // NewPart creates it
-    outputs.push_back(
-        {.subject = "", .name = video_file, .part = common::part_of(video_file), .is_new = true});
+  if (video_file.empty()) return outputs;
+  const std::filesystem::path video = common::replaced_path(video_file);  // NewPart creates its part
+  outputs.push_back({.subject = "", .name = video, .part = common::part_of(video), .is_new = true});
   return outputs;
 }
 

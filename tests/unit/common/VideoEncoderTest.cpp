@@ -78,6 +78,22 @@ TEST(VideoEncoder, WritesThroughNoLinkAndOverNoFile) {
   EXPECT_EQ(folder.entries(), 2);
 }
 
+TEST(VideoEncoder, LinkStaysAndItsTargetIsReplaced) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  const fs::path link = folder.path() / "a.mp4", target = folder.path() / "target.mp4";
+  fs::create_symlink("target.mp4", link);
+  for (const bool is_there : {false, true}) {
+    EXPECT_EQ(fs::exists(target), is_there);
+    VideoEncoder encoder(link, 4, 2, 30);
+    encoder.add(grey(4, 2));
+    encoder.finish();
+    EXPECT_TRUE(fs::is_symlink(link));
+    EXPECT_EQ(fs::file_size(target), 4U * 2 * 3);
+  }
+  EXPECT_EQ(folder.entries(), 2);
+}
+
 TEST(VideoEncoder, RefusesWhatIsNoFileAndTellsLostPart) {
   const FakeFfmpeg ffmpeg("cat > \"$last\"");
   const TemporaryFolder folder;
