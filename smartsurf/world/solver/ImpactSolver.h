@@ -56,6 +56,13 @@ class ImpactSolver {
     DeltaPose* delta_pose;
 
     const ContactList& list(bool is_pair) const { return is_pair ? pair_contacts : static_contacts; }
+
+    // The greatest separation at which a contact takes part in a blow of this normal speed, where another
+    // contact of the manifold touches: that which closes within the substep. Otherwise bodies would turn
+    // about those that touch.
+    float touching_separation(float speed) const {
+      return std::max(kTouchingSeparation, -speed * dt_s / static_cast<float>(substeps));
+    }
   };
 
   // Removes all candidates. Call before the members add theirs.
