@@ -1,7 +1,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <optional>
+#include <random>
 #include <string>
+#include <vector>
 
 #include "tests/property/PhysicsFixture.h"
 
@@ -124,7 +128,104 @@ std::uint64_t hash_of_sliding_pairs(int threads) {
   fixture.run(0.5);
   return fixture.snapshot().state_hash;
 }
+// Bodies of all shapes and of masses that differ by up to 1000, some of them joined, fixed, fast or in parts,
+// on level, uneven or moving pins with or without a force limit.
+std::uint64_t hash_of_random_crowd(unsigned seed, int threads) {
+  std::mt19937_64 random(seed);
+  const auto draw = [&random](double low, double high) {
+    return low + (high - low) * (static_cast<double>(random()) / 0x1p64);
+  };
+  const auto happens = [&draw](double share) { return draw(0, 1) < share; };
+  const auto draw_point = [&draw](double low, double high) {
+    const double x = draw(low, high), y = draw(low, high);
+    return Eigen::Vector3d(x, y, draw(low, high));
+  };
+  PhysicsFixture fixture;
+  fixture.threads = threads;
+  auto& world = fixture.scene.world;
+  auto& surface = fixture.scene.surface;
+  world.dt_s = happens(0.5) ? 1.0 / 60 : 1.0 / 120;
+  world.iterations = happens(0.5) ? 4 : 10;
+  fixture.scene.materials[0].restitution = happens(0.5) ? 0.0 : draw(0.1, 0.8);
+  surface.rows = surface.columns = 44;
+  surface.border_height = 6.0;
+  surface.pin.max_speed = 4.0;
+  if (happens(0.3)) fixture.cell_force_limit = draw(20, 200);
+  const double heavy = happens(0.5) ? draw(0, 0.4) : 0.0, joined = happens(0.7) ? draw(0, 0.6) : 0.0,
+               calm = draw(0, 1), apart = draw(1.9, 2.6);
+  const bool of_rings = happens(0.2);
+  const int across = static_cast<int>(42 / apart);
+  std::optional<smartsurf::scene::ObjectId> previous;
+  Eigen::Vector3d before;
+  for (int i = 0; i < 560; ++i) {
+    const Eigen::Vector3d jitter = draw_point(-0.05, 0.05);
+    const Eigen::Vector3d at =
+        Eigen::Vector3d(1.5 + apart * (i % across), 1.5 + apart * (i / across % across),
+                        (of_rings ? 0.3 : 0.7) + 1.7 * (i / (across * across))) +
+        jitter;
+    smartsurf::scene::ObjectSpec o;
+    const int kind = of_rings ? 4 : static_cast<int>(draw(0, 7));
+    if (kind == 0) o = sphere(draw(0.4, 0.9), at);
+    if (kind == 1) o = cylinder(draw(0.4, 0.8), draw(0.4, 1.4), at);
+    if (kind == 2) o = capsule(draw(0.2, 0.4), draw(0.8, 1.4), at);
+    if (kind == 3) o = cone(draw(0.5, 0.8), draw(0.8, 1.4), at);
+    if (kind == 4) {
+      std::vector<Block> blocks;
+      const auto parts = static_cast<int>(draw(2, 13));
+      for (int k = 0; k < parts; ++k) {
+        const double angle = 2 * M_PI * k / parts;
+        blocks.push_back({{0.3, 0.3, 0.5}, {0.7 * std::cos(angle), 0.7 * std::sin(angle), 0}});
+      }
+      o = compound(blocks);
+      o.position = at;
+      o.mass = 0.045 * parts;
+      o.inertia = 0.045 * parts * Eigen::Matrix3d(Eigen::Vector3d(0.27, 0.27, 0.5).asDiagonal());
+    }
+    if (kind > 4) {
+      const double x = draw(0.5, 1.7), y = draw(0.5, 1.7);
+      o = box({x, y, draw(0.2, 1.3)}, at);
+    }
+    if (happens(heavy) && kind != 4) o.mass = std::pow(10.0, draw(0, 3));
+    if (!happens(calm)) o.velocity = draw_point(-3, 3);
+    if (happens(0.01)) o.velocity = draw_point(-60, 60);
+    o.fixed = happens(0.02);
+    const auto id = fixture.add(o);
+    if (previous && i % across != 0 && happens(joined)) {
+      smartsurf::scene::JointSpec joint{.kind = static_cast<smartsurf::scene::JointKind>(draw(0, 4)),
+                                        .a = *previous,
+                                        .b = id,
+                                        .anchor = 0.5 * (before + at),
+                                        .axis = draw_point(-1, 1)};
+      if (joint.has_coordinate()) {
+        if (happens(0.4)) joint.limits = smartsurf::scene::JointLimits{-draw(0, 0.5), draw(0, 0.5)};
+        if (happens(0.4)) joint.motor = smartsurf::scene::JointMotor{draw(-3, 3), draw(0, 50)};
+      }
+      fixture.world().add_joint(joint);
+    }
+    previous = id, before = at;
+  }
+  const double swell = happens(0.3) ? 0.0 : draw(0.1, 2), length = draw(0.2, 1.5);
+  int step = 0;
+  fixture.run(18 * world.dt_s, [&] {
+    ++step;
+    for (int r = 0; r < surface.rows; ++r)
+      for (int c = 0; c < surface.columns; ++c)
+        fixture.cells().set_target(
+            0, r, c, static_cast<float>(swell * (1.0 + std::sin(length * c + 0.3 * r + 0.1 * step))));
+  });
+  return fixture.snapshot().state_hash;
+}
 }  // namespace
+
+// SEEDS draws more.
+TEST(Determinism, RandomCrowdsAreTheSameOnAnyThreads) {
+  const char* const seeds = std::getenv("SEEDS");
+  for (unsigned seed = 1; seed <= (seeds ? std::strtoul(seeds, nullptr, 10) : 6); ++seed) {
+    const std::uint64_t alone = hash_of_random_crowd(seed, 1);
+    for (const int threads : {2, 3})
+      EXPECT_EQ(hash_of_random_crowd(seed, threads), alone) << seed << ", " << threads;
+  }
+}
 
 TEST(Determinism, BitIdenticalForAnyThreadCount) {
   const std::uint64_t single_threaded = hash_of_crowd(1);

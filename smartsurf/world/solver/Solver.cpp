@@ -516,7 +516,8 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
   const auto add = [&](int index) {
     const ContactBatch& o = graph_.batch(index);
     SupportBatch& batch = context.supports.emplace_back();
-    batch.lanes.first_point = o.first_point, batch.lanes.point_count = o.point_count;
+    batch.lanes.first_point = o.first_point;
+    batch.lanes.point_count = std::min(o.point_count, SupportLanes::kMaxPoints);
     batch.lanes.lane_count = o.lane_count;
     std::copy_n(o.a, kLanes, batch.lanes.row);
     for (int lane = 0; lane < o.lane_count; ++lane) {
@@ -528,7 +529,9 @@ void Solver::collect_supports(StepContext& context, const Member& member) {
       batch.list[lane] = &list, batch.patch[lane] = &p;
       batch.contacts[lane] = context.input.static_contacts.contacts_of(
           context.input.static_contacts.manifolds[graph_.manifold(index, lane)]);
-      const bool is_alone = p.is_elastic || p.has_shares || o.point_count > SupportLanes::kMaxPoints;
+      // The other lanes depend on the number of threads.
+      const bool is_alone =
+          p.is_elastic || p.has_shares || std::ssize(batch.contacts[lane]) > SupportLanes::kMaxPoints;
       (is_alone ? batch.any_alone : batch.any_in_lanes) = true;
       if (is_alone) continue;
       const auto points = support::points_of(list, p);

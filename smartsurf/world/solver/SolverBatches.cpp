@@ -89,6 +89,13 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   if (is_static && !context.input.cell_limits.empty())
     fill_impulse_limits(context, o, index, context.contact_list(kind));
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.static_params);
+  // How many points of a lane are unused depends on the other lanes, and these on the number of threads:
+  // nobody may count them.
+  for (int lane = 0; lane < o.lane_count; ++lane)
+    for (int k = contacts.count[lane]; k < o.point_count; ++k) {
+      BatchPoint& p = point_[o.first_point + k];
+      p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
+    }
 }
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the

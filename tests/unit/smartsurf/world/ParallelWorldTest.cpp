@@ -156,6 +156,45 @@ scene::SceneSpec loaded_boxes() {
   return s;
 }
 
+// Light plates that bear boxes forty times as heavy, with a lid on a hinge, and chains of two links that fall
+// across the gaps between them: joints in the islands of the direct solver, and joints and contacts that take
+// turns across the table.
+scene::SceneSpec loaded_linkages() {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 60;
+  s.surface.rows = s.surface.columns = 34;
+  const auto add_box = [&s](const Eigen::Vector3d& size, const Eigen::Vector3d& position, double mass) {
+    scene::ObjectSpec o;
+    o.shape = scene::ShapeKind::kBox;
+    o.size = size;
+    o.position = position;
+    o.mass = mass;
+    s.objects.push_back(o);
+    return static_cast<scene::ObjectId>(s.objects.size() - 1);
+  };
+  for (int i = 0; i < 11 * 11; ++i) {
+    const Eigen::Vector3d at(2.0 + 2.9 * (i % 11), 2.0 + 2.9 * (i / 11), 0.0);
+    add_box({2, 2, 0.4}, at + Eigen::Vector3d(0, 0, 0.2), 1.0);
+    const auto loaded = add_box({1.6, 1.6, 0.8}, at + Eigen::Vector3d(0, 0, 0.8), 40.0);
+    const auto lid = add_box({1, 1, 0.2}, at + Eigen::Vector3d(0, 0, 1.3), 1.0);
+    s.joints.push_back({.kind = scene::JointKind::kHinge,
+                        .a = lid,
+                        .b = loaded,
+                        .anchor = at + Eigen::Vector3d(0.5, 0, 1.2),
+                        .axis = Eigen::Vector3d::UnitY(),
+                        .collide = true});
+    const Eigen::Vector3d middle = at + Eigen::Vector3d(1.45, 0.2, 1.42 + 0.02 * (i % 5));
+    const auto first = add_box({1.6, 0.4, 0.4}, middle - Eigen::Vector3d(0.85, 0, 0), 1.0);
+    const auto second = add_box({1.6, 0.4, 0.4}, middle + Eigen::Vector3d(0.85, 0, 0), 1.0);
+    s.joints.push_back({.kind = i % 2 == 0 ? scene::JointKind::kBall : scene::JointKind::kHinge,
+                        .a = first,
+                        .b = second,
+                        .anchor = middle,
+                        .axis = Eigen::Vector3d::UnitY()});
+  }
+  return s;
+}
+
 // A floor of boxes side by side, over whose seams boxes and balls slide, and small boxes that are faster than
 // they are wide fly into both: bodies that change each other's contacts, and stops at others.
 scene::SceneSpec sliders_and_bullets() {
@@ -243,6 +282,7 @@ INSTANTIATE_TEST_SUITE_P(Of, Threads,
                                          World{"LinkagesOnDeltas", [] { return linkages(false); }, 6},
                                          World{"LinkagesOnASkin", [] { return linkages(true); }, 3},
                                          World{"LoadedBoxes", loaded_boxes, 20},
+                                         World{"LoadedLinkages", loaded_linkages, 8},
                                          World{"StruckStacks", struck_stacks, 3},
                                          World{"Conveyors", conveyors, 8},
                                          World{"TurningConveyors", conveyors, 16, 3},
