@@ -146,7 +146,8 @@ def experiment_text(original: Original, recordings: Sequence[Recorded], options:
     lines += ["}", "local script_vary, script_faults, has_faults, ranges, labels = vary, faults, false, {}, {}",
               "for name, pair in pairs(identified) do",
               "  local width = uncertainty * pair[2]",
-              "  ranges[name] = { math.max(pair[1] - width, math.min(pair[1], 0)), pair[1] + width }",
+              # Masses and accelerations must be above 0.
+              "  ranges[name] = { math.max(pair[1] - width, math.min(pair[1], 0.01 * pair[1])), pair[1] + width }",
               "end",
               "function vary(of_script)",
               "  for name, range in pairs(of_script) do ranges[name] = ranges[name] or range end",

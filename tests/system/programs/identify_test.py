@@ -381,6 +381,16 @@ class Identification(ProgramTest):
             self.refused(expected, recording, "--experiment", "table.lua", "-o", output)
         self.assertEqual(list(self.folder.glob("out/*")), [])
 
+    def test_ranges_wider_than_their_values_stay_possible(self):
+        sys.path.insert(0, str(BIN.parent / "python"))
+        from smartsurf import _identified
+        found = {"actuator.max_acceleration": (50.0, 40.0), "actuator.max_speed": (2.0, 1.5)}
+        self.write("identified.lua", _identified.experiment_text(_identified.Original("table.lua", public()), [], {}, found, None))
+        for seed in range(3):
+            status, _, err = self.run_program(SMARTSURF, "run", "identified.lua", "--set", "uncertainty=3", "--ticks", "2", "--no-controller",
+                                              "--seed", str(seed))
+            self.assertEqual(status, 0, err)
+
     def test_what_is_not_identified_again_stays(self):
         import numpy as np
         sys.path.insert(0, str(BIN.parent / "python"))
