@@ -217,9 +217,9 @@ std::uint64_t hash_of_random_crowd(unsigned seed, int threads) {
 }
 }  // namespace
 
-// SEEDS draws more.
+// CROWD_SEEDS draws more.
 TEST(Determinism, RandomCrowdsAreTheSameOnAnyThreads) {
-  const char* const seeds = std::getenv("SEEDS");
+  const char* const seeds = std::getenv("CROWD_SEEDS");
   for (unsigned seed = 1; seed <= (seeds ? std::strtoul(seeds, nullptr, 10) : 6); ++seed) {
     const std::uint64_t alone = hash_of_random_crowd(seed, 1);
     for (const int threads : {2, 3})
