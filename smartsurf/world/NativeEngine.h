@@ -34,7 +34,7 @@ class NativeEngine final : public Engine {
 
   std::string name() const override { return "native"; }
   // The number after "physics" is raised whenever equal inputs give other bits.
-  std::string version() const override { return SMARTSURF_VERSION "+physics38"; }
+  std::string version() const override { return SMARTSURF_VERSION "+physics39"; }
   scene::ObjectId add(const scene::ObjectSpec&) override;
   bool alive(scene::ObjectId id) const override { return bodies_.find(id) >= 0; }
   bool remove(scene::ObjectId) override;

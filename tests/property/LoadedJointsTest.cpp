@@ -80,19 +80,7 @@ TEST_P(LoadedJoints, PlatesStandOnSprungFeet) {
           joint.spring = scene::JointSpring{.stiffness = stiffness, .damping = damping, .rest = -0.25};
         springs.push_back(fixture.world().add_joint(joint));
       }
-    int stp = 0;
-    const bool dbg = at_limits && fixture.scene.world.iterations == 4 && ratio > 104 && ratio < 105;
-    fixture.run(6.0, [&] {
-      if (dbg && ++stp < 100) {
-        const auto st = fixture.world().state(plate);
-        printf("%d z %.4f tilt %.5f v %.4f w %.4f load %.1f", stp, st.position.z(), fixture.upright(plate),
-               st.velocity.norm(), st.angular_velocity.norm(), fixture.total_load());
-        for (auto k : springs)
-          printf(" %.4f/%.1f", fixture.world().joint_state(k).coordinate,
-                 fixture.world().joint_state(k).effort);
-        printf("\n");
-      }
-    });
+    fixture.run(6.0);
     SCOPED_TRACE(testing::Message() << "ratio " << ratio << ", " << fixture.scene.world.iterations
                                     << " iterations, " << (at_limits ? "limits" : "springs"));
     EXPECT_NEAR(fixture.total_load(), (4.0 + ratio) * kGravity, 0.01 * weight);
@@ -109,10 +97,10 @@ TEST_P(LoadedJoints, PlatesStandOnSprungFeet) {
   });
 }
 
-// A cart of up to 1000 times the mass of each of its wheels, which motors turn, at less than 1 u/s.
+// A cart of up to 1000 times the mass of each of its wheels, which motors turn.
 TEST_P(LoadedJoints, CartsRollOnLightWheels) {
   for_random_fixtures(83, 12, GetParam(), [&](PhysicsFixture& fixture, auto draw) {
-    const double ratio = std::pow(10.0, draw(0.5, 3)), radius = draw(0.6, 1), speed = draw(0.3, 0.95),
+    const double ratio = std::pow(10.0, draw(0.5, 3)), radius = draw(0.6, 1), speed = draw(0.3, 3),
                  wheelbase = draw(1.5, 2.5);
     const Vector3d middle(6, 15.5, radius + 0.2);
     const auto chassis = add_box(fixture, {2 * wheelbase, 2, 0.6}, middle, ratio);
@@ -139,10 +127,47 @@ TEST_P(LoadedJoints, CartsRollOnLightWheels) {
       lowest = std::min(lowest, z), highest = std::max(highest, z);
     });
     EXPECT_NEAR(fixture.position(chassis).x() - x, 2.0 * speed, 0.01 * speed);
-    EXPECT_NEAR(fixture.position(chassis).y(), 15.5, 0.05);
+    EXPECT_NEAR(fixture.position(chassis).y(), 15.5, 0.06 * speed);
     EXPECT_NEAR(load / steps, (4.0 + ratio) * kGravity, 0.01 * (4.0 + ratio) * kGravity);
     EXPECT_GT(lowest, middle.z() - 0.0042);
     EXPECT_LT(highest, middle.z() + 0.0042);
+  });
+}
+
+// A light plank between two fixed posts, under a heavy body: with the posts its hinges make a loop, whether
+// these were declared before it or after.
+TEST_P(LoadedJoints, PlanksHangBetweenFixedPostsInAnyOrder) {
+  for_random_fixtures(84, 8, GetParam(), [&](PhysicsFixture& fixture, auto draw) {
+    const double ratio = std::pow(10.0, draw(1.3, 3)), half = draw(1, 2), off = draw(-0.5, 0.5);
+    const auto kind = draw(0, 1) < 0.5 ? JointKind::kHinge : JointKind::kBall;
+    std::vector<double> heights;
+    for (const bool posts_first : {true, false}) {
+      PhysicsFixture of_order;
+      of_order.scene.world = fixture.scene.world;
+      const Vector3d middle(15.5, 15.5, 2);
+      ObjectId posts[2], plank{};
+      const auto add_posts = [&] {
+        for (const int i : {0, 1}) {
+          auto post = box({0.4, 0.4, 2}, middle + Vector3d((2 * i - 1) * (half + 0.4), 0, -1));
+          post.fixed = true;
+          posts[i] = of_order.add(post);
+        }
+      };
+      if (posts_first) add_posts();
+      plank = add_box(of_order, {2 * half, 1, 0.2}, middle, 1.0);
+      if (!posts_first) add_posts();
+      for (const int i : {0, 1})
+        of_order.world().add_joint({.kind = kind,
+                                    .a = plank,
+                                    .b = posts[i],
+                                    .anchor = middle + Vector3d((2 * i - 1) * half, 0, 0),
+                                    .axis = Vector3d::UnitY()});
+      const auto load = add_box(of_order, {1, 1, 1}, middle + Vector3d(off, 0, 0.6), ratio);
+      of_order.run(3.0);
+      heights.push_back(of_order.position(load).z());
+      EXPECT_NEAR(of_order.position(plank).z(), middle.z(), 0.001) << ratio;
+    }
+    EXPECT_NEAR(heights[0], heights[1], 1e-4) << ratio;
   });
 }
 

@@ -165,10 +165,19 @@ bool is_carried(const ContactBatch& o, const BatchPoints& points, int lane) {
   return false;
 }
 
-// Contacts of fast bodies are impacts, not loads.
-bool is_fast(const BodyVelocity& v) {
-  constexpr double kMaxLoadSpeed_ups = 1.0;
-  return Vec3(v.velocity).cast<double>().squaredNorm() > kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
+constexpr float kMaxLoadSpeed_ups = 1.0F;
+// Contacts of fast bodies are impacts, not loads; but what hangs together by joints drives and carries loads
+// at any speed.
+bool is_fast(const HeavyIslandSolver::Step& step, std::int32_t row) {
+  return !step.bodies.is_jointed[step.partition.body(row)] &&
+         Vec3(step.velocity[row].velocity).cast<double>().squaredNorm() >
+             kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
+}
+bool closes_fast(const ContactBatch& o, const BatchPoints& points, int lane) {
+  const std::span all(points.point + o.first_point, static_cast<std::size_t>(o.point_count));
+  return std::ranges::any_of(all, [&](const BatchPoint& p) {
+    return bears_or_touches(p, lane) && p.approach_speed[lane] < -kMaxLoadSpeed_ups;
+  });
 }
 
 }  // namespace
@@ -241,7 +250,7 @@ void HeavyIslandSolver::find_heavy_lanes(const Step& step, int batch, ContactKin
       own.pressed_rows.insert(own.pressed_rows.end(), {o.a[lane], o.b[lane]});
       continue;
     }
-    if (is_fast(velocity[bearer]) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
+    if (is_fast(step, bearer) || (!is_pair(kind) && is_squeezed(o, points, lane, weight))) continue;
     if (!is_heavy && !is_pair(kind) && is_carried(o, points, lane)) continue;
     if (is_heavy)
       own.heavy_rows.push_back(bearer);
@@ -367,14 +376,22 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSliding);
   for (const auto& [row, flag] : own.fresh_rows)
     if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
-  for (const auto& [batch, lane, kind, rank] : own.lanes)
-    if (const ContactBatch& o = step.graph.batch(batch); !is_pair(kind)) {
+  const auto is_jointed = [&](std::int32_t row) {
+    return step.bodies.is_jointed[step.partition.body(row)] != 0;
+  };
+  for (const auto& [batch, lane, kind, rank] : own.lanes) {
+    const ContactBatch& o = step.graph.batch(batch);
+    for (const std::int32_t row : {o.a[lane], o.b[lane]})
+      if (is_jointed(row) && step.velocity[row].inverse_mass > 0.0F && closes_fast(o, points, lane))
+        mark(row, kUnsteady);
+    if (!is_pair(kind)) {
       if (yields(o, points, lane)) mark(o.a[lane], kExcluded);
       if (is_squeezed(o, points, lane, step.gravity)) mark(o.a[lane], kUnsteady);
       if (is_carried(o, points, lane)) mark(o.a[lane], kCarried);
     }
+  }
   for (int row = own_rows.begin; row < own_rows.end; ++row)
-    if (is_fast(step.velocity[row])) mark(row, kUnsteady);
+    if (is_fast(step, row)) mark(row, kUnsteady);
   if (!member.is_caller()) return;
   const std::vector<BodyLink>& links = step.bodies.links;
   for (std::size_t k = 0; k < links.size(); ++k)
