@@ -10,7 +10,7 @@ namespace common {
 // links have no end or a folder cannot be read, which the error code shows.
 std::filesystem::path real_path(const std::filesystem::path&);
 std::filesystem::path real_path(const std::filesystem::path&, std::error_code&);
-// Where the file of that name is replaced: the target of a link, which stays, or the name itself.
+// The file that an output of that name replaces: the target of a link, which stays, or the name itself.
 std::filesystem::path replaced_path(const std::filesystem::path& name);
 // True if the path leads nowhere, whoever may read what: too long a name, endless links, a file as a folder.
 bool leads_nowhere(const std::error_code&) noexcept;

@@ -223,7 +223,8 @@ TEST(Determinism, RandomCrowdsAreTheSameOnAnyThreads) {
   for (unsigned seed = 1; seed <= (seeds ? std::strtoul(seeds, nullptr, 10) : 6); ++seed) {
     const std::uint64_t alone = hash_of_random_crowd(seed, 1);
     for (const int threads : {2, 3})
-      EXPECT_EQ(hash_of_random_crowd(seed, threads), alone) << seed << ", " << threads;
+      EXPECT_EQ(hash_of_random_crowd(seed, threads), alone)
+          << "crowd " << seed << ", " << threads << " threads";
   }
 }
 

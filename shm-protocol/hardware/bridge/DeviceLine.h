@@ -34,18 +34,18 @@ class DeviceLine {
   // Forgets the device's description and what waits.
   void close();
 
-  // Calls on_event(event) for each byte that is there, until more() is false; the bytes after that one wait
-  // for the next call. Returns false if the line is lost.
+  // Calls on_event(event) for each byte that is there, until more() is false; later bytes wait for the next
+  // call. Returns false if the line is lost.
   template <class More, class OnEvent>
   bool receive(More more, OnEvent on_event) {
-    for (int round = 0; round < 16; ++round) {
+    for (int round = 0; round < 16 && more(); ++round) {
+      if (!has_unread()) {
+        const auto got = port_->read(in_);
+        if (!got) return false;
+        if (*got == 0) return true;
+        in_begin_ = 0, in_end_ = *got;
+      }
       while (has_unread() && more()) on_event(link_.receive(in_[in_begin_++]));
-      if (!more()) return true;
-      const auto got = port_->read(in_);
-      if (!got) return false;
-      if (*got == 0) return true;
-      in_begin_ = 0;
-      in_end_ = *got;
     }
     return true;
   }

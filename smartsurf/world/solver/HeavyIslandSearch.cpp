@@ -43,6 +43,8 @@ constexpr std::uint8_t kPressed = 128;  // a light body bears a heavy one, or is
 // kDeepTogether do so in an island of at least kMinSinkingBodies, where they add up to a visible depth.
 constexpr float kDeepAlone = 4.0F, kDeepTogether = 0.5F;
 constexpr int kMinSinkingBodies = 8;
+// Contacts of faster bodies, or with joints those that close faster, are blows, u/s.
+constexpr float kMaxLoadSpeed_ups = 1.0F;
 // A heavy body that moves faster towards a light one hits it, u/s.
 constexpr float kMinBlow_ups = 0.2F;
 // Bodies that slide on each other faster than this are left to the sweeps, unless the load is heavy: friction
@@ -165,13 +167,15 @@ bool is_carried(const ContactBatch& o, const BatchPoints& points, int lane) {
   return false;
 }
 
-constexpr float kMaxLoadSpeed_ups = 1.0F;
+bool is_jointed(const HeavyIslandSolver::Step& step, std::int32_t row) {
+  return step.bodies.is_jointed[step.partition.body(row)] != 0;
+}
+
 // Contacts of fast bodies are impacts, not loads; but what hangs together by joints drives and carries loads
 // at any speed.
 bool is_fast(const HeavyIslandSolver::Step& step, std::int32_t row) {
-  return !step.bodies.is_jointed[step.partition.body(row)] &&
-         Vec3(step.velocity[row].velocity).cast<double>().squaredNorm() >
-             kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
+  return !is_jointed(step, row) && Vec3(step.velocity[row].velocity).cast<double>().squaredNorm() >
+                                       kMaxLoadSpeed_ups * kMaxLoadSpeed_ups;
 }
 bool closes_fast(const ContactBatch& o, const BatchPoints& points, int lane) {
   const std::span all(points.point + o.first_point, static_cast<std::size_t>(o.point_count));
@@ -376,13 +380,10 @@ void HeavyIslandSolver::mark_islands(const Step& step, IndexRange own_rows, cons
     if (step.velocity[row].inverse_mass > 0.0F) mark(row, kSliding);
   for (const auto& [row, flag] : own.fresh_rows)
     if (is_borne_[row] == 0 && step.velocity[row].inverse_mass > 0.0F) mark(row, flag);
-  const auto is_jointed = [&](std::int32_t row) {
-    return step.bodies.is_jointed[step.partition.body(row)] != 0;
-  };
   for (const auto& [batch, lane, kind, rank] : own.lanes) {
     const ContactBatch& o = step.graph.batch(batch);
     for (const std::int32_t row : {o.a[lane], o.b[lane]})
-      if (is_jointed(row) && step.velocity[row].inverse_mass > 0.0F && closes_fast(o, points, lane))
+      if (is_jointed(step, row) && step.velocity[row].inverse_mass > 0.0F && closes_fast(o, points, lane))
         mark(row, kUnsteady);
     if (!is_pair(kind)) {
       if (yields(o, points, lane)) mark(o.a[lane], kExcluded);

@@ -1,7 +1,6 @@
 #include "smartsurf/world/solver/ImpactSolver.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>

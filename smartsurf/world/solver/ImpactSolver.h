@@ -12,6 +12,7 @@
 // swept for as long as the whole list would be. The order of a sweep depends on the contacts alone.
 #pragma once
 
+#include <algorithm>
 #include <compare>
 #include <cstdint>
 #include <functional>

@@ -118,7 +118,7 @@ ImpactSolver::Point ImpactSolver::make_stop(const Step& step, const JointSolver:
   return p;
 }
 
-// Of a side without joints that move, to a unit impulse.
+// The response of a side without joints that move, to a unit impulse.
 JointSolver::RowChange ImpactSolver::response_alone(const Point& p, int side, int axis) {
   const float sign = side == 0 ? 1.0F : -1.0F;
   return {side == 0 ? p.a : p.b, side == 0 ? p.row_a : p.row_b,
